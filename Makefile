@@ -1,0 +1,79 @@
+# make flip    install and run the main job: plan, simulate four controllers, figures, replay  -> out/turnover
+# make test    install, lint, and pass the tests
+# make lint    ruff and mypy only         make bench   speed, against the targets  -> out/bench
+# make clean   remove results, caches and build products; the .venv* folders stay
+# Another Python:  make test PYTHON=python3.12   (a name or a path)
+
+PYTHON ?= python3
+OUT ?= out
+
+# .venv belongs to the first Python that made it; any other version gets a folder of its own, .venv-X.Y
+version := $(shell '$(PYTHON)' -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
+venv_version := $(shell .venv/bin/python -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
+VENV := $(if $(filter-out $(version),$(venv_version)),.venv-$(version),.venv)
+RUN := $(VENV)/bin/python
+INSTALLED := $(VENV)/.installed
+TESTABLE := $(VENV)/.installed-test
+BENCHABLE := $(VENV)/.installed-bench
+
+.PHONY: flip test lint bench clean python programs
+.DELETE_ON_ERROR:
+
+flip: $(INSTALLED)
+	$(RUN) -m flipdiagram.cli flip --out $(OUT)/turnover
+
+test: lint programs
+	$(RUN) -m pytest
+
+lint: $(TESTABLE)
+	$(RUN) -m ruff check .
+	$(RUN) -m mypy
+
+bench: $(BENCHABLE)
+	$(RUN) bench/run.py --out $(OUT)/bench
+
+clean:
+	rm -rf out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
+	find flipdiagram tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(INSTALLED): pyproject.toml | python
+	$(RUN) -m pip install --quiet --editable .
+	@touch $@
+
+$(TESTABLE): pyproject.toml | python
+	$(RUN) -m pip install --quiet --editable '.[test]'
+	@touch $@ $(INSTALLED)
+
+$(BENCHABLE): pyproject.toml | python
+	$(RUN) -m pip install --quiet --editable '.[bench]'
+	@touch $@ $(INSTALLED)
+
+# The virtual environment, or one sentence that says what is missing.
+python:
+	@[ -n '$(version)' ] || { echo "make: cannot run PYTHON=$(PYTHON); install Python 3.11 or newer," \
+	  "or name one: make PYTHON=python3.12" >&2; exit 1; }
+	@'$(PYTHON)' -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "make: $(PYTHON) is Python $(version);" \
+	  "3.11 or newer is needed: make PYTHON=python3.12" >&2; exit 1; }
+	@if ! $(RUN) -m pip --version >/dev/null 2>&1; then \
+	  '$(PYTHON)' -c 'import ensurepip, venv' 2>/dev/null || { echo "make: $(PYTHON) cannot make a virtual environment" \
+	    "(no ensurepip); on Debian and Ubuntu: apt-get install python$(version)-venv" >&2; exit 1; }; \
+	  echo "making $(VENV) with Python $(version)"; \
+	  '$(PYTHON)' -m venv --clear $(VENV); \
+	fi
+
+# Programs that tests of single features need: graphviz's dot draws diagrams, chromium opens the replay.
+programs:
+	@missing=; \
+	command -v dot >/dev/null || missing="$$missing graphviz"; \
+	command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null \
+	  || missing="$$missing chromium"; \
+	[ -n "$$missing" ] || exit 0; \
+	if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	  echo "installing for the tests:$$missing"; \
+	  export DEBIAN_FRONTEND=noninteractive; \
+	  apt-get update -qq >/dev/null 2>&1; \
+	  apt-get install -y -qq --no-install-recommends $$missing >/dev/null 2>&1 \
+	    || echo "could not install:$$missing; the tests that need them are skipped" >&2; \
+	else \
+	  echo "not installed, and only root with apt could do it here:$$missing; the tests that need them are skipped" >&2; \
+	fi

@@ -1,0 +1,78 @@
+"""The box J_t^-1 of Fig. 4: from an acceleration of the tool to accelerations of the joints."""
+
+from typing import Any
+
+import numpy as np
+import pydrake.math as scalar_math
+from pydrake.systems.framework import LeafSystem_
+from pydrake.systems.scalar_conversion import TemplateSystem
+
+from flipdiagram.blocks._parameters import Array, ScalarContext, ScalarVector
+from flipdiagram.errors import ScenarioError, SimulationError
+
+
+def joint_acceleration(jacobian: Array, bias: Array, a_ref: Array) -> Array:
+    """qdd_ref = J_t^-1 (a_ref - Jdot_t qd), shape (n,); for n > m the least-norm one, by J^T (J J^T)^-1.
+
+    ``jacobian`` J_t (m, n), ``bias`` Jdot_t qd (m,), ``a_ref`` (m,) [m/s^2, rad/s^2].
+    Floats raise SimulationError where J_t is exactly singular; symbolic matrices cannot be inverted
+    beyond 4 x 4 (RuntimeError of Drake).
+    """
+    coordinates, joints = jacobian.shape
+    demand = a_ref - bias
+    square = jacobian if joints == coordinates else jacobian.dot(jacobian.T)
+    if square.dtype == object:
+        solution = scalar_math.inv(square).dot(demand)
+    else:
+        try:
+            solution = np.linalg.solve(square, demand)
+        except np.linalg.LinAlgError:
+            raise SimulationError(
+                f"the arm is at a singularity: its task Jacobian has rank {np.linalg.matrix_rank(jacobian)}, "
+                f"valid is {coordinates}"
+            ) from None
+    return solution if joints == coordinates else jacobian.T.dot(solution)
+
+
+@TemplateSystem.define("InverseJacobian_")
+def InverseJacobian_(T: Any) -> type:
+    """``InverseJacobian`` over the scalar T: float, AutoDiffXd or Expression."""
+
+    class Impl(LeafSystem_[T]):
+        """Inverse of the task Jacobian: qdd_ref = J_t^-1 (a_ref - Jdot_t qd) (Fig. 4 of the paper).
+
+        ``arm`` has the method ``task_kinematics(q, qd) -> (x, v, J, bias)`` and, for other scalars than
+        float, ``to_scalar(T)``, which returns an arm with the same method over T (or raises).
+        Inputs ``a_ref`` (m,) [m/s^2, rad/s^2], ``q`` (n,) [rad], ``qd`` (n,) [rad/s], output ``qdd_ref`` (n,)
+        [rad/s^2], m = ``num_coordinates``, n = ``num_joints``, n >= m.
+        """
+
+        def _construct(
+            self, arm: Any, num_joints: int = 6, num_coordinates: int = 6, converter: Any = None
+        ) -> None:
+            LeafSystem_[T].__init__(self, converter=converter)
+            if num_joints < num_coordinates:
+                raise ScenarioError(
+                    f"num_joints = {num_joints}; {num_coordinates} coordinates need at least as many joints"
+                )
+            self.arm, self.num_joints, self.num_coordinates = arm, num_joints, num_coordinates
+            self._scalar_arm = arm if T is float else arm.to_scalar(T)
+            self._a_ref = self.DeclareVectorInputPort("a_ref", num_coordinates)
+            self._q = self.DeclareVectorInputPort("q", num_joints)
+            self._qd = self.DeclareVectorInputPort("qd", num_joints)
+            inputs = {self._a_ref.ticket(), self._q.ticket(), self._qd.ticket()}
+            self.DeclareVectorOutputPort("qdd_ref", num_joints, self._calc_qdd_ref, inputs)
+
+        def _construct_copy(self, other: Any, converter: Any = None) -> None:
+            Impl._construct(self, other.arm, other.num_joints, other.num_coordinates, converter=converter)
+
+        def _calc_qdd_ref(self, context: ScalarContext, output: ScalarVector) -> None:
+            _, _, jacobian, bias = self._scalar_arm.task_kinematics(
+                self._q.Eval(context), self._qd.Eval(context)
+            )
+            output.set_value(joint_acceleration(jacobian, bias, self._a_ref.Eval(context)))
+
+    return Impl
+
+
+InverseJacobian = InverseJacobian_[None]

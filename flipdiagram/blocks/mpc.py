@@ -1,0 +1,84 @@
+"""The box MPC of Fig. 4: plans the motion at the start of the run and plays it out as commands."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State, ValueProducer
+
+from flipdiagram.contact import Floats
+from flipdiagram.errors import ScenarioError
+from flipdiagram.planning.plan import Plan
+
+CHANNELS = 6
+"""Task coordinates (y, z, θ, x, pitch, yaw): the MPC moves the first three, the others are held."""
+
+
+class ModelPredictiveController(LeafSystem):
+    """Commands of a planned motion: x_cmd, v_cmd, a_cmd (6,) [m, rad], and solve_time [s], status (1 planned, 0 not).
+
+    The plan is part of the Context's state.  The initialisation event of a run, which `Simulator.Initialize` triggers,
+    calls `planner` (a MathematicalProgram, eqs. (2)–(5)) unless the state holds a plan already (`set_plan`).  Until
+    `start_time` [s] the commands hold the start of the plan, or `hold` (6,) while there is none.  Outputs depend on
+    time and state, so nothing feeds through.
+
+    Raises PlanningError from the initialisation where there is no motion.
+    """
+
+    def __init__(self, planner: Callable[[], Plan], hold: Floats, start_time: float = 0.0) -> None:
+        super().__init__()
+        if not (math.isfinite(start_time) and start_time >= 0):
+            raise ScenarioError(f"start_time = {start_time} s; it must be finite and >= 0")
+        self._planner, self.start_time = planner, float(start_time)
+        self._hold = np.array(hold, dtype=float)
+        if self._hold.shape != (CHANNELS,):
+            raise ScenarioError(f"hold has shape {self._hold.shape}; valid is ({CHANNELS},)")
+        self._state = self.DeclareAbstractState(Value[object](None))
+        self.DeclareInitializationUnrestrictedUpdateEvent(self._plan_once)
+        self._command = self.DeclareCacheEntry(
+            "command",
+            ValueProducer(allocate=lambda: Value[object](), calc=self._calc_command),
+            {self.time_ticket(), self.abstract_state_ticket(self._state)},
+        )
+        ticket = {self.cache_entry_ticket(self._command.cache_index())}
+        for i, name in enumerate(("x_cmd", "v_cmd", "a_cmd")):
+            self.DeclareVectorOutputPort(name, CHANNELS, self._writer(i), ticket)
+        state = {self.abstract_state_ticket(self._state)}
+        self.DeclareVectorOutputPort("solve_time", 1, self._calc_solve_time, state)
+        self.DeclareVectorOutputPort("status", 1, self._calc_status, state)
+
+    def plan(self, context: Context) -> Plan | None:
+        """The plan in this system's Context, None before the run has started."""
+        return context.get_abstract_state(int(self._state)).get_value()
+
+    def set_plan(self, context: Context, plan: Plan) -> None:
+        """Put a plan into this system's Context; the run then starts with it instead of solving."""
+        context.get_mutable_abstract_state(int(self._state)).set_value(plan)
+
+    def _plan_once(self, context: Context, state: State) -> EventStatus:
+        if self.plan(context) is None:
+            state.get_mutable_abstract_state(int(self._state)).set_value(self._planner())
+        return EventStatus.Succeeded()
+
+    def _calc_command(self, context: Context, value: Value) -> None:
+        x, v, a = self._hold.copy(), np.zeros(CHANNELS), np.zeros(CHANNELS)
+        plan = self.plan(context)
+        if plan is not None:
+            x[:3], v[:3], a[:3] = plan.at(context.get_time() - self.start_time)
+        value.set_value((x, v, a))
+
+    def _writer(self, index: int) -> Callable[[Context, BasicVector], None]:
+        def write(context: Context, output: BasicVector) -> None:
+            output.set_value(self._command.Eval(context)[index])
+
+        return write
+
+    def _calc_solve_time(self, context: Context, output: BasicVector) -> None:
+        plan = self.plan(context)
+        output[0] = math.nan if plan is None else plan.solve_time
+
+    def _calc_status(self, context: Context, output: BasicVector) -> None:
+        output[0] = float(self.plan(context) is not None)

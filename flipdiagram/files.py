@@ -1,0 +1,117 @@
+"""Files that a run writes: each appears whole or not at all; the head of every `summary.json`."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import platform
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel
+
+from flipdiagram import __version__
+from flipdiagram.errors import ScenarioError
+
+
+@contextmanager
+def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """A temporary path to write to, beside `path`; renamed to `path` on success, removed on any failure.
+
+    Keeps the suffix, which Matplotlib and xarray read. Makes the folder. ScenarioError where it cannot write.
+    """
+    target = Path(path)
+    temporary: Path | None = None
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.stem}-", suffix=target.suffix)
+        os.close(handle)
+        temporary = Path(name)
+        yield temporary
+        temporary.chmod(0o666 & ~_umask())  # mkstemp makes files that only their owner can read
+        os.replace(temporary, target)
+    except OSError as error:
+        raise ScenarioError(f"cannot write '{target}': {error.strerror or error}") from error
+    finally:
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)
+
+
+def write_atomically(path: str | os.PathLike[str], content: str | bytes) -> Path:
+    """Write a whole file, text in UTF-8; returns its path."""
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
+    return Path(path)
+
+
+def write_summary(
+    path: str | os.PathLike[str], study: str, scenario: BaseModel, body: Mapping[str, Any]
+) -> Path:
+    """Write `summary.json`: schema, versions and scenario first, then the entries of `body`.
+
+    NumPy arrays and numbers become lists and numbers; nan and infinity, unknown to JSON, become null.
+    """
+    head = {
+        "schema": f"flipdiagram/{study}/1",
+        "versions": versions(),
+        "scenario": scenario.model_dump(mode="json"),
+    }
+    twice = head.keys() & body.keys()
+    if twice:
+        raise ValueError(f"{', '.join(sorted(twice))} stands in the head of a summary already")
+    content = _plain({**head, **body})
+    return write_atomically(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def versions() -> dict[str, str]:
+    """Versions of what a result depends on, by name."""
+    return {"flipdiagram": __version__, "drake": version("drake"), "python": platform.python_version()}
+
+
+def check_output_directory(path: str | os.PathLike[str]) -> Path:
+    """The folder as a Path if files can be written there, else ScenarioError; leaves nothing behind."""
+    folder = Path(path)
+    made: list[Path] = []
+    try:
+        missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
+        for parent in reversed(missing):
+            parent.mkdir()
+            made.append(parent)
+        # trying beats asking: access() says yes to root even on read-only file systems
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except (OSError, ValueError) as error:  # ValueError: a path with a null character
+        reason = getattr(error, "strerror", None) or error
+        message = f"--out = '{folder}' cannot be written: {reason}; valid is a writable folder"
+        raise ScenarioError(message) from None
+    finally:
+        for parent in reversed(made):
+            with suppress(OSError):  # another process may have begun to use it
+                parent.rmdir()
+    return folder
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

@@ -1,0 +1,120 @@
+"""Controller and cell closed into one diagram: the whole of Fig. 4."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
+
+from flipdiagram.arm import ArmModel
+from flipdiagram.blocks.mpc import ModelPredictiveController
+from flipdiagram.blocks.sensors import Encoder, PseudoDerivative
+from flipdiagram.contact import Floats
+from flipdiagram.controller import ControllerBoxes, add_controller
+from flipdiagram.parts import arm_of
+from flipdiagram.planning.limits import task_pose
+from flipdiagram.planning.plan import Plan
+from flipdiagram.planning.planner import Planner
+from flipdiagram.plants.cell import Cell, add_cell
+from flipdiagram.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Loop:
+    """The closed loop and handles to its boxes; `context()` starts a run at rest with the block on the blade."""
+
+    diagram: Diagram
+    scenario: Scenario
+    architecture: str
+    arm: ArmModel
+    mpc: ModelPredictiveController
+    boxes: ControllerBoxes
+    cell: Cell
+    q_start: Floats
+    logs: dict[str, VectorLogSink]
+    """Sinks by signal name, where the loop was built with `record`."""
+
+    def context(self, plan: Plan | None = None) -> Context:
+        """A fresh context: arm at rest at the start pose, block on the blade; with `plan` the MPC need not solve."""
+        context = self.diagram.CreateDefaultContext()
+        plant, parts = self.cell.plant, self.cell.parts
+        mine = plant.GetMyMutableContextFromRoot(context)
+        plant.SetPositions(mine, parts.arm.arm, self.q_start)
+        task = self.scenario.task
+        centre = np.array([task.start_x, task.start_y, task.start_z])
+        plant.SetFreeBodyPose(mine, parts.block, RigidTransform(centre))
+        if self.diagram.HasSubsystemNamed("velocity"):
+            velocity = self.diagram.GetSubsystemByName("velocity")
+            velocity.set_initial_position(velocity.GetMyMutableContextFromRoot(context), self.q_start)
+        if plan is not None:
+            self.mpc.set_plan(self.mpc.GetMyMutableContextFromRoot(context), plan)
+        return context
+
+
+def build_loop(
+    scenario: Scenario,
+    architecture: str = "pd+ff+dob",
+    planner: Callable[[], Plan] | None = None,
+    record: bool = False,
+) -> Loop:
+    """Wire MPC, controller, sensors and cell of a scenario into one diagram, boxes named as in Fig. 4.
+
+    planner: what the MPC calls at the start of a run, by default the scenario's own; record: add sinks that log the
+    signals every controller period.  Raises ScenarioError for an unknown architecture or a bad number, PlanningError
+    where the arm cannot be at the start pose.
+    """
+    arm = arm_of(scenario)
+    motion = Planner(scenario, arm)
+    q_start = motion.q_start
+    settings, n = scenario.controller, arm.n_joints
+    # A plant with a finer step takes the torque of the sample before its own: sampling between two of its steps, after
+    # the one that led to t and before the one that leaves it, adds no delay.
+    fine = scenario.simulation.step < settings.period
+    offset = settings.period - scenario.simulation.step / 2 if fine else 0.0
+
+    builder = DiagramBuilder()
+    hold = task_pose(motion.horizons.start, scenario.task.start_x)
+    mpc = builder.AddNamedSystem(
+        "mpc", ModelPredictiveController(planner or motion.plan, hold, scenario.simulation.hold_time)
+    )
+    cell = add_cell(builder, scenario, arm)
+    q, qd = cell.q, cell.qd
+    if scenario.sensors.encoder_resolution > 0:
+        encoder = builder.AddNamedSystem("encoder", Encoder(np.full(n, scenario.sensors.encoder_resolution)))
+        builder.Connect(q, encoder.get_input_port())
+        q = encoder.get_output_port()
+    if scenario.sensors.velocity_cutoff is not None:
+        cutoff = np.full(n, scenario.sensors.velocity_cutoff)
+        velocity = builder.AddNamedSystem("velocity", PseudoDerivative(cutoff, settings.period, offset))
+        builder.Connect(q, velocity.get_input_port())
+        qd = velocity.get_output_port()
+    boxes = add_controller(builder, scenario, architecture, arm, q_start, mpc=mpc, q=q, qd=qd, offset=offset)
+    tau = boxes.torque_limit.GetOutputPort("tau")
+    if fine:
+        held = builder.AddNamedSystem("hold", ZeroOrderHold(settings.period, n, offset))
+        builder.Connect(tau, held.get_input_port())
+        builder.Connect(held.get_output_port(), cell.tau)
+        tau = held.get_output_port()
+    else:
+        builder.Connect(tau, cell.tau)
+
+    logs = {}
+    if record:
+        signals = {name: mpc.GetOutputPort(name) for name in ("x_cmd", "v_cmd", "a_cmd")}
+        signals |= {
+            "state": cell.plant.get_state_output_port(),
+            "tau": tau,
+            "contact_force": cell.contact_force,
+        }
+        if boxes.disturbance_observer is not None:
+            signals["tau_dis"] = boxes.disturbance_observer.GetOutputPort("tau_dis")
+        for name, port in signals.items():
+            logs[name] = builder.AddNamedSystem(f"log_{name}", VectorLogSink(port.size(), settings.period))
+            builder.Connect(port, logs[name].get_input_port())
+    diagram = builder.Build()
+    diagram.set_name(architecture)
+    return Loop(diagram, scenario, architecture, arm, mpc, boxes, cell, q_start, logs)

@@ -1,0 +1,205 @@
+"""Successive convexification of one horizon: linearise, solve the quadratic program, again until θ settles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flipdiagram import contact
+from flipdiagram.arm import ArmModel
+from flipdiagram.contact import Floats
+from flipdiagram.errors import PlanningError
+from flipdiagram.planning import constraints, limits
+from flipdiagram.planning.constraints import Trajectory
+from flipdiagram.planning.horizon import Layout
+from flipdiagram.planning.model import LandingCost, flight
+from flipdiagram.planning.program import HorizonProgram, Solution
+from flipdiagram.planning.rows import Rows
+from flipdiagram.scenario import Scenario
+
+GROUPS = (
+    constraints.FRICTION, constraints.NORMAL, constraints.SUPPORT, constraints.RELEASE, constraints.WORKSPACE,
+    constraints.CLEARANCE, constraints.SEPARATION, limits.POSITION, limits.SPEED, limits.TORQUE,
+)  # fmt: skip
+FIRST_TRUST = 1.0
+"""Trust radius on θ [rad] of the first linearisation; halved whenever the iterates move apart."""
+LEAST_TRUST = 1e-3
+"""Trust radius [rad] below which a path that the arm cannot follow is given up."""
+SWING = 0.4
+"""Changes that shrink less than by this factor are damped."""
+SLACK_TOLERANCE = 1e-4
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One horizon, settled or not: its trajectory, J, and the slack that remained (0 where all constraints hold)."""
+
+    point: Trajectory
+    linearised_at: Trajectory
+    cost: float
+    settled: bool
+    slack: dict[str, float]
+    solution: Solution
+    motion: limits.JointMotion
+
+    @property
+    def shortfall(self) -> float:
+        """Sum of the slacks, 0 where all constraints hold."""
+        total = sum(self.slack.values())
+        return total if total > SLACK_TOLERANCE else 0.0
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """Smaller is better: first whether the constraints hold, then J."""
+        return (self.shortfall, self.cost)
+
+
+class Convexification:
+    """Solves single horizons of a scenario.  The program is built here, once; `settle` changes its numbers."""
+
+    def __init__(self, scenario: Scenario, arm: ArmModel) -> None:
+        self.scenario, self.arm = scenario, arm
+        settings, task = scenario.planner, scenario.task
+        self.layout = Layout(settings.contact_samples[1], settings.brake_samples)
+        self.cost = LandingCost(settings.alpha, settings.beta, task.target_y)
+        self.start = np.array([task.start_y, task.start_z, 0.0, 0.0, 0.0, 0.0])
+        self.program_times: list[float] = []
+        self._program = self._build(())
+        self._elastic: HorizonProgram | None = None
+        self._q_start: Floats | None = None
+
+    def _build(self, elastic_groups: tuple[str, ...]) -> HorizonProgram:
+        settings = self.scenario.planner
+        return HorizonProgram(
+            self.layout,
+            settings.sampling_time,
+            self.cost,
+            settings.smoothing,
+            settings.solver,
+            elastic_groups,
+        )
+
+    @property
+    def q_start(self) -> Floats:
+        """Joint angles at the start of the motion [rad]; raises PlanningError where the arm cannot be there."""
+        if self._q_start is None:
+            self._q_start = self.arm.inverse_kinematics(limits.task_pose(self.start, self.scenario.task.start_x))
+        return self._q_start
+
+    def guess(self, n_contact: int, n_flight: int) -> Trajectory:
+        """First linearisation that the arm can follow: the tool turns with constant angular acceleration, the object
+        held by I = |g|, in place or else while it moves towards the middle of the workspace.
+
+        Raises PlanningError where the arm can follow neither.
+        """
+        lost: PlanningError | None = None
+        for share in (0.0, 0.5, 1.0):
+            point = self._turn(n_contact, n_flight, share)
+            try:
+                self._follow(point)
+            except PlanningError as error:
+                lost = lost or error
+            else:
+                return point
+        raise PlanningError(f"reachability cannot be met: {lost}")
+
+    def _turn(self, n_contact: int, n_flight: int, share_of_way: float) -> Trajectory:
+        layout, dt, task = self.layout, self.scenario.planner.sampling_time, self.scenario.task
+        elapsed = np.arange(layout.intervals + 1) - (layout.release - n_contact)
+        share = np.clip(elapsed / n_contact, 0.0, 1.0)
+        states = np.tile(self.start, (layout.intervals + 1, 1))
+        turn = np.pi / 2 + 0.2
+        states[:, 2] = turn * share**2
+        states[:, 5] = np.where((share > 0) & (elapsed <= n_contact), 2 * turn * share / (n_contact * dt), 0.0)
+        middle = np.array([np.mean(task.workspace_y), np.mean(task.workspace_z)])
+        states[:, :2] += share_of_way * share[:, None] ** 2 * (middle - self.start[:2])
+        inputs = np.zeros((layout.intervals, 3))
+        inputs[:, :2] = contact.acceleration(abs(contact.GRAVITY_Z), 0.0, states[:-1, 2])
+        return Trajectory(states, inputs, n_contact, n_flight, dt)
+
+    def _follow(self, point: Trajectory) -> limits.JointMotion:
+        moving = slice(self.layout.release - point.n_contact, None)
+        return limits.joint_motion(
+            self.arm, point.states[moving], point.inputs[moving], self.scenario.task.start_x, self.q_start
+        )
+
+    def rows(self, point: Trajectory) -> tuple[Rows, limits.JointMotion]:
+        """All inequality rows, linearised about a trajectory, and the arm's motion along it."""
+        rows, layout, scenario = Rows(), self.layout, self.scenario
+        constraints.contact_rows(rows, layout, point, scenario)
+        constraints.workspace_rows(rows, layout, point, scenario)
+        constraints.clearance_rows(rows, layout, point, scenario)
+        constraints.separation_rows(rows, layout, point, scenario)
+        constraints.flight_rows(rows, layout, point, scenario)
+        motion = self._follow(point)
+        first = layout.release - point.n_contact
+        limits.joint_rows(rows, layout, motion, point.states[first:], point.inputs[first:], self.arm, scenario, first)
+        return rows, motion
+
+    def solve(self, point: Trajectory, trust: float, elastic: bool = False) -> tuple[Solution, limits.JointMotion]:
+        """One quadratic program, linearised about a trajectory."""
+        rows, motion = self.rows(point)
+        if elastic and self._elastic is None:
+            self._elastic = self._build(GROUPS)
+        program = self._elastic if elastic and self._elastic is not None else self._program
+        height = constraints.landing_height(point, self.layout, self.scenario)
+        program.update(self.start, point.n_contact, point.n_flight, height, rows, point.states[:, :3], trust)
+        solution = program.solve()
+        self.program_times.append(solution.solve_time)
+        return solution, motion
+
+    def settle(self, point: Trajectory, tolerance: float, iterations: int) -> Outcome:
+        """Re-linearise and re-solve until no θ moves more than the tolerance [rad].
+
+        Where the plain program has no solution the elastic one leads on.  Raises PlanningError where the arm loses
+        the path, or the solver gives up.
+        """
+        trust, last_change, elastic = FIRST_TRUST, np.inf, False
+        outcome: Outcome | None = None
+        for _ in range(iterations):
+            try:
+                solution, motion = self.solve(point, trust, elastic)
+            except PlanningError as error:
+                trust /= 2
+                if outcome is None:
+                    point = self.guess(point.n_contact, point.n_flight)
+                elif trust > LEAST_TRUST:
+                    # the arm lost the path: go back half-way to where it could follow, and step less far
+                    point = _between(outcome.linearised_at, point)
+                elif outcome.slack:
+                    return outcome
+                else:
+                    raise PlanningError(f"reachability cannot be met: {error}") from None
+                continue
+            if not solution.success:
+                if elastic:
+                    raise PlanningError(f"the solver gave up on the elastic program: {solution.status}")
+                elastic = True
+                continue
+            states, inputs = self.layout.unpack(solution.w)
+            following = replace(point, states=states, inputs=inputs)
+            change = float(np.max(np.abs(states[:, 2] - point.states[:, 2])))
+            slack = {name: value for name, value in solution.slack.items() if value > SLACK_TOLERANCE}
+            settled = change < tolerance and not elastic
+            outcome = Outcome(following, point, self._landing_cost(following), settled, slack, solution, motion)
+            if change < tolerance and (settled or slack):
+                break
+            # once the slacks are gone the plain program has a solution too
+            elastic = bool(slack)
+            if change > last_change:
+                trust = max(trust / 2, 2 * tolerance)
+            # what is frozen in a linearisation (the arm's Jacobian) makes the iterates swing; half-way damps it
+            point = _between(point, following) if change > SWING * last_change else following
+            last_change = change
+        if outcome is None:
+            raise PlanningError(f"no motion found within {iterations} linearisations")
+        return outcome
+
+    def _landing_cost(self, point: Trajectory) -> float:
+        matrix, offset = flight(point.n_flight * point.sampling_time)
+        return self.cost(matrix @ point.states[self.layout.release] + offset)
+
+
+def _between(a: Trajectory, b: Trajectory) -> Trajectory:
+    return replace(b, states=(a.states + b.states) / 2, inputs=(a.inputs + b.inputs) / 2)

@@ -1,0 +1,185 @@
+"""The result of planning: a motion that can be sampled at any time, saved and loaded."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flipdiagram import contact
+from flipdiagram.contact import Floats
+from flipdiagram.errors import ScenarioError
+from flipdiagram.planning.model import flight
+
+SCHEMA = "flipdiagram/motion/1"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Samples of the tool's motion, time 0 at its start; all SI.
+
+    The tool carries the object for `n_contact` intervals, releases it, and brakes for `n_brake` intervals while the
+    object flies for `n_flight`; each interval lasts `sampling_time` and holds its acceleration (eq. (2)).
+    """
+
+    sampling_time: float
+    n_contact: int
+    n_flight: int
+    n_brake: int
+    states: Floats
+    """x̂(k) = [y, z, θ, v_y, v_z, v_θ] of the control point at samples 0 … n_contact + n_brake, shape (N + 1, 6)."""
+    inputs: Floats
+    """u(k) = [a_y, a_z, a_θ], shape (N, 3)."""
+    cost: float
+    """J of eq. (5)."""
+    residual: float
+    """Largest violation of a constraint row or of eq. (2) in the last solve, in the row's own unit."""
+    max_sliding_angle: float
+    """Largest |φ| of eq. (11) in the contact phase, at both ends of every interval [rad]."""
+    friction_angle: float
+    """ϕ = atan μ of the object on the tool [rad]."""
+    limit_use: dict[str, float]
+    """Largest use of the joint limits along the motion, 1 = at the limit."""
+    solver: str
+    iterations: int
+    """Quadratic programs solved, over all horizons searched."""
+    solve_time: float
+    """Wall time of the whole planning [s]."""
+    program_times: tuple[float, ...] = ()
+    """Wall time of each quadratic program [s]."""
+
+    @property
+    def t(self) -> Floats:
+        """Times of the samples [s], shape (N + 1,)."""
+        return np.asarray(np.arange(len(self.states)) * self.sampling_time, dtype=np.float64)
+
+    @property
+    def release_time(self) -> float:
+        """When the object leaves the tool [s]."""
+        return self.n_contact * self.sampling_time
+
+    @property
+    def touchdown_time(self) -> float:
+        """Sample k_g as a time [s]."""
+        return (self.n_contact + self.n_flight) * self.sampling_time
+
+    @property
+    def duration(self) -> float:
+        """When the tool has come to rest [s]."""
+        return (self.n_contact + self.n_brake) * self.sampling_time
+
+    @property
+    def release(self) -> Floats:
+        """x̂ at the release, shape (6,)."""
+        return self.states[self.n_contact]
+
+    @property
+    def landing(self) -> Floats:
+        """x̂(k_g) of the object at touch-down, shape (6,)."""
+        matrix, offset = flight(self.n_flight * self.sampling_time)
+        return matrix @ self.release + offset
+
+    def sample(self, t: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """x_cmd, v_cmd, a_cmd, each (..., 3) for (y, z, θ), at times t [s]: exact between the samples.
+
+        Before 0 the tool rests at the start, after `duration` at the end.
+        """
+        t = np.asarray(t, dtype=float)
+        # a time that is a sample but for rounding belongs to the interval that starts there
+        k = np.floor(t / self.sampling_time + 1e-9).astype(int)
+        inside = np.clip(k, 0, len(self.inputs) - 1)
+        moving = ((k >= 0) & (k < len(self.inputs)))[..., None]
+        tau = (t - inside * self.sampling_time)[..., None]
+        base, a = self.states[inside], self.inputs[inside]
+        x = base[..., :3] + base[..., 3:] * tau + a * tau**2 / 2
+        v = base[..., 3:] + a * tau
+        rest = np.where((k < 0)[..., None], self.states[0, :3], self.states[-1, :3])
+        return np.where(moving, x, rest), np.where(moving, v, 0.0), np.where(moving, a, 0.0)
+
+    def at(self, t: float) -> tuple[list[float], list[float], list[float]]:
+        """`sample` for one time, ten times faster: the MPC block calls it every millisecond."""
+        k = math.floor(t / self.sampling_time + 1e-9)
+        zero = [0.0, 0.0, 0.0]
+        if k < 0:
+            return self._rows[0][:3], zero, zero
+        if k >= len(self.inputs):
+            return self._rows[-1][:3], zero, zero
+        tau = t - k * self.sampling_time
+        y, z, theta, v_y, v_z, v_theta = self._rows[k]
+        a = self._accelerations[k]
+        half = tau * tau / 2
+        x = [y + v_y * tau + a[0] * half, z + v_z * tau + a[1] * half, theta + v_theta * tau + a[2] * half]
+        return x, [v_y + a[0] * tau, v_z + a[1] * tau, v_theta + a[2] * tau], a
+
+    @cached_property
+    def _rows(self) -> list[list[float]]:
+        return self.states.tolist()
+
+    @cached_property
+    def _accelerations(self) -> list[list[float]]:
+        return self.inputs.tolist()
+
+    def object_path(self, t: ArrayLike) -> Floats:
+        """Planned y, z, θ of the object (..., 3): on the tool, then in flight, then where it touched down."""
+        t = np.asarray(t, dtype=float)
+        tau = np.clip(t - self.release_time, 0.0, self.touchdown_time - self.release_time)[..., None]
+        flying = self.release[:3] + self.release[3:] * tau
+        flying = flying + np.array([0.0, contact.GRAVITY_Z / 2, 0.0]) * tau**2
+        return np.where((t < self.release_time)[..., None], self.sample(t)[0], flying)
+
+    def summary(self) -> dict[str, Any]:
+        """The `plan` entry of summary.json."""
+        return {
+            "cost_J": self.cost,
+            "release_angle_rad": float(self.release[2]),
+            "touchdown_angle_rad": float(self.landing[2]),
+            "release_time_s": self.release_time,
+            "touchdown_time_s": self.touchdown_time,
+            "max_sliding_angle_rad": self.max_sliding_angle,
+            "friction_angle_rad": self.friction_angle,
+            "iterations": self.iterations,
+            "solve_time_s": self.solve_time,
+            "samples": {"contact": self.n_contact, "flight": self.n_flight, "brake": self.n_brake},
+            "sampling_time_s": self.sampling_time,
+            "touchdown_y_m": float(self.landing[0]),
+            "touchdown_speed_m_s": float(np.hypot(*self.landing[3:5])),
+            "residual": self.residual,
+            "limit_use": self.limit_use,
+            "solver": self.solver,
+        }
+
+    def to_json(self) -> str:
+        """JSON text that `from_json` reads back exactly."""
+        data = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in asdict(self).items()}
+        return json.dumps({"schema": SCHEMA, **data}, indent=1)
+
+    @classmethod
+    def from_json(cls, text: str, source: str = "plan") -> Plan:
+        """Read what `to_json` wrote; raises ScenarioError where it is something else."""
+        try:
+            data = json.loads(text)
+        except ValueError as error:
+            raise ScenarioError(f"{source} is not valid JSON: {error}") from None
+        if not isinstance(data, dict) or data.pop("schema", None) != SCHEMA:
+            raise ScenarioError(f"{source} is no plan file; valid is a file with schema '{SCHEMA}'")
+        if set(data) != {f.name for f in fields(cls)}:
+            raise ScenarioError(
+                f"{source} lacks fields of a plan or has others; valid is a file written by this version"
+            )
+        data["states"], data["inputs"] = np.array(data["states"]), np.array(data["inputs"])
+        data["program_times"] = tuple(data["program_times"])
+        return cls(**data)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Plan:
+        """Read a plan file; raises ScenarioError where it cannot be read."""
+        try:
+            return cls.from_json(Path(path).read_text(encoding="utf-8"), str(path))
+        except (OSError, UnicodeDecodeError) as error:
+            raise ScenarioError(f"plan file {str(path)!r} cannot be read: {error}") from None

@@ -1,0 +1,175 @@
+"""From a scenario to a Plan: a search over the horizons, each settled by successive convexification."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from flipdiagram import contact
+from flipdiagram.arm import ArmModel
+from flipdiagram.contact import Floats
+from flipdiagram.errors import PlanningError
+from flipdiagram.parts import arm_of
+from flipdiagram.planning import constraints, limits
+from flipdiagram.planning.convexification import Convexification, Outcome
+from flipdiagram.planning.plan import Plan
+from flipdiagram.scenario import Scenario
+
+SEARCH_TOLERANCE = 0.01
+"""θ tolerance [rad] while horizons are compared; the chosen one is then settled to the scenario's own."""
+SEARCH_ITERATIONS = 8
+AT_LIMIT = 0.9
+"""Use of a joint limit from which an infeasible plan mentions it."""
+CHECKS_PER_SAMPLE = 4
+"""The finished motion is checked this many times per ΔT."""
+
+
+class Planner:
+    """Plans the flip of one scenario.  The program is built here, once; `plan` searches and solves."""
+
+    def __init__(self, scenario: Scenario, arm: ArmModel | None = None) -> None:
+        self.scenario = scenario
+        self.arm = arm or arm_of(scenario)
+        self.horizons = Convexification(scenario, self.arm)
+
+    @property
+    def q_start(self) -> Floats:
+        """Joint angles at the start of the motion [rad]; raises PlanningError where the arm cannot be there."""
+        return self.horizons.q_start
+
+    def plan(self) -> Plan:
+        """The best motion over the horizons allowed; raises PlanningError naming the constraint that cannot be met."""
+        begin = time.perf_counter()
+        self.horizons.program_times.clear()
+        self._check_start()
+        best = self._search()
+        settings = self.scenario.planner
+        best = self.horizons.settle(best.point, settings.angle_tolerance, settings.max_iterations)
+        if best.shortfall or not best.settled:
+            raise PlanningError(self._reason(best))
+        return self._finish(best, begin)
+
+    def _search(self) -> Outcome:
+        """Flight samples by steps of shrinking size, then the shortest contact phase that costs hardly more."""
+        settings = self.scenario.planner
+        (fewest, most), (low, high) = settings.contact_samples, settings.flight_samples
+        tried: dict[tuple[int, int], Outcome] = {}
+        nearest: Outcome | None = None
+
+        def attempt(n_contact: int, n_flight: int) -> Outcome:
+            nonlocal nearest
+            key = (n_contact, n_flight)
+            if key not in tried:
+                if nearest is None or nearest.shortfall:
+                    point = self.horizons.guess(n_contact, n_flight)
+                else:
+                    point = replace(nearest.point, n_contact=n_contact, n_flight=n_flight)
+                tried[key] = self.horizons.settle(point, SEARCH_TOLERANCE, SEARCH_ITERATIONS)
+                if nearest is None or tried[key].rank < nearest.rank:
+                    nearest = tried[key]
+            return tried[key]
+
+        best = attempt(most, (low + high) // 2)
+        step = max(1, (high - low) // 4)
+        while step:
+            here = best.point.n_flight
+            around = [n for n in (here - step, here + step) if low <= n <= high]
+            better = min((attempt(most, n) for n in around), key=lambda o: o.rank, default=best)
+            if better.rank < best.rank:
+                best = better
+            else:
+                step //= 2
+        if best.shortfall:
+            return best
+        allowed = best.cost * (1 + settings.search_tolerance)
+        enough, short = most, fewest - 1
+        while enough - short > 1:
+            middle = (enough + short) // 2
+            outcome = attempt(middle, best.point.n_flight)
+            if not outcome.shortfall and outcome.settled and outcome.cost <= allowed:
+                enough = middle
+            else:
+                short = middle
+        return tried[enough, best.point.n_flight]
+
+    def _check_start(self) -> None:
+        """The start itself must be reachable, and the blade clear of the table there."""
+        self.q_start  # noqa: B018 - raises where the arm cannot be there
+        geometry = constraints.Geometry.of(self.scenario)
+        blade = self.scenario.task.start_z - geometry.half_thickness - geometry.blade_thickness
+        gap, wanted = blade - self.scenario.table.height, self.scenario.planner.table_clearance
+        if gap < wanted:
+            raise PlanningError(
+                f"{constraints.CLEARANCE} cannot be met: at the start the blade is {gap:.3f} m above the table"
+                f" (height {self.scenario.table.height} m); wanted {wanted} m"
+            )
+
+    def _reason(self, outcome: Outcome) -> str:
+        if not outcome.slack:
+            return (
+                f"the motion has not settled within {self.scenario.planner.max_iterations} linearisations"
+                " (planner.max_iterations)"
+            )
+        name = max(outcome.slack, key=lambda group: outcome.slack[group])
+        others = ", ".join(sorted(set(outcome.slack) - {name}))
+        uses = limits.largest_use(outcome.motion, self.arm)
+        text = f"no motion found: {name} cannot be met"
+        if name in uses:
+            use, joint = uses[name]
+            text += f" (joint {joint} would need {use:.2f} x its limit)"
+        else:
+            text += f" (short by {outcome.slack[name]:.3g})"
+            at_limit = [f"joint {joint} is at its {kind}" for kind, (use, joint) in uses.items() if use > AT_LIMIT]
+            text += f" while {' and '.join(at_limit)}" if at_limit else ""
+        return text + (f"; also short: {others}" if others else "")
+
+    def _finish(self, outcome: Outcome, begin: float) -> Plan:
+        """Cut off the waiting samples, check the motion between its samples, and wrap it up."""
+        point, scenario, layout = outcome.point, self.scenario, self.horizons.layout
+        first = layout.release - point.n_contact
+        states, inputs = point.states[first:], point.inputs[first:]
+        k = np.arange(point.n_contact)
+        phi = [contact.sliding_angle(inputs[k, :2], states[at, 2]) for at in (k, k + 1)]
+        plan = Plan(
+            sampling_time=point.sampling_time,
+            n_contact=point.n_contact,
+            n_flight=point.n_flight,
+            n_brake=layout.n_brake,
+            states=states,
+            inputs=inputs,
+            cost=outcome.cost,
+            residual=outcome.solution.residual,
+            max_sliding_angle=float(np.max(np.abs(phi))),
+            friction_angle=float(contact.friction_angle(scenario.object.friction)),
+            limit_use=self._limit_use(states, inputs, point.sampling_time),
+            solver=scenario.planner.solver,
+            iterations=len(self.horizons.program_times),
+            solve_time=time.perf_counter() - begin,
+            program_times=tuple(self.horizons.program_times),
+        )
+        return plan
+
+    def _limit_use(self, states: Floats, inputs: Floats, dt: float) -> dict[str, float]:
+        """Largest use of each joint limit on a grid finer than ΔT; raises PlanningError where one is exceeded."""
+        fine = dt / CHECKS_PER_SAMPLE
+        tau = np.arange(CHECKS_PER_SAMPLE) * fine
+        moves = states[:-1, None, :].repeat(CHECKS_PER_SAMPLE, axis=1)
+        held = inputs[:, None, :].repeat(CHECKS_PER_SAMPLE, axis=1)
+        moves[..., :3] += moves[..., 3:] * tau[:, None] + held * tau[:, None] ** 2 / 2
+        moves[..., 3:] += held * tau[:, None]
+        dense = np.vstack([moves.reshape(-1, 6), states[-1]])
+        motion = limits.joint_motion(self.arm, dense, held.reshape(-1, 3), self.scenario.task.start_x, self.q_start)
+        uses = limits.largest_use(motion, self.arm)
+        for kind, (use, joint) in uses.items():
+            if use > 1:
+                raise PlanningError(
+                    f"{kind} cannot be met: joint {joint} would need {use:.2f} x its limit between samples"
+                )
+        return {kind: use for kind, (use, _) in uses.items()}
+
+
+def plan_motion(scenario: Scenario) -> Plan:
+    """Plan the flip of a scenario; raises PlanningError naming the constraint that cannot be met."""
+    return Planner(scenario).plan()

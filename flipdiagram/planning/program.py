@@ -1,0 +1,203 @@
+"""The MPC's quadratic program: one MathematicalProgram, built once; each solve changes numbers only.
+
+Decision variables are those of `Layout`, divided by their units.  The cost is J of eq. (5) at touch-down, linear in
+the release state through the ballistic flight, plus a small weight on the acceleration differences, which makes the
+solution unique and smooth.  An elastic program carries one slack per group of constraints at a linear price: it has
+a solution where the plain one has none, and its slacks name the constraint that cannot be met.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from pydrake.solvers import (
+    ClarabelSolver,
+    GurobiSolver,
+    IpoptSolver,
+    MathematicalProgram,
+    MosekSolver,
+    OsqpSolver,
+    ScsSolver,
+    SnoptSolver,
+    SolverInterface,
+)
+
+from flipdiagram.contact import GRAVITY_Z, Floats
+from flipdiagram.errors import ScenarioError
+from flipdiagram.planning.horizon import STATES, Layout
+from flipdiagram.planning.model import LandingCost, flight, transition
+from flipdiagram.planning.rows import Rows
+
+_SOLVERS = {
+    "clarabel": ClarabelSolver,
+    "osqp": OsqpSolver,
+    "scs": ScsSolver,
+    "ipopt": IpoptSolver,
+    "snopt": SnoptSolver,
+    "mosek": MosekSolver,
+    "gurobi": GurobiSolver,
+}
+SLACK_PRICE = 30.0
+"""Price of a unit of slack; above the multipliers of a feasible program, so that slack is zero there."""
+TRUST_LENGTH = 0.5
+"""Trust radius of y and z per trust radius of θ [m/rad]."""
+TURNING_RADIUS = 0.05
+"""Lever [m] at which angular accelerations count in the smoothing cost, about the block's and blade's half-size."""
+
+
+def make_solver(name: str) -> SolverInterface:
+    """Drake's solver of that name; raises ScenarioError where this Drake lacks it or its licence."""
+    solver = _SOLVERS[name]()
+    if not (solver.available() and solver.enabled()):
+        usable = [n for n, kind in _SOLVERS.items() if kind.is_available() and kind.is_enabled()]
+        raise ScenarioError(
+            f"scenario field 'planner.solver' = {name!r} cannot be used here (not built in, or no licence);"
+            f" valid is {', '.join(usable)}"
+        )
+    return solver
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What one solve gave: SI decision vector, slack per group, solver's word and time [s], largest row violation."""
+
+    success: bool
+    w: Floats
+    slack: dict[str, float]
+    status: str
+    solve_time: float
+    iterations: int
+    residual: float
+
+
+class HorizonProgram:
+    """min J + smoothing over the horizon, subject to eq. (2), the start, the landing height and stacked rows."""
+
+    def __init__(
+        self,
+        layout: Layout,
+        sampling_time: float,
+        cost: LandingCost,
+        smoothing: float,
+        solver: str = "clarabel",
+        elastic_groups: Sequence[str] = (),
+    ) -> None:
+        self.layout, self.sampling_time, self.cost = layout, sampling_time, cost
+        self._solver, self._solver_name = make_solver(solver), solver
+        self._groups = list(elastic_groups)
+        self._units = layout.units()
+        prog = self.prog = MathematicalProgram()
+        self._z = prog.NewContinuousVariables(layout.size, "w")
+        self._slack = prog.NewContinuousVariables(len(self._groups), "slack")
+        variables = np.concatenate([self._z, self._slack])
+        self._add_dynamics()
+        self._add_smoothing(smoothing)
+        size = variables.size
+        self._bounds = prog.AddBoundingBoxConstraint(np.full(layout.size, -1e9), np.full(layout.size, 1e9), self._z)
+        if self._groups:
+            prog.AddBoundingBoxConstraint(0.0, 1e6, self._slack)
+            prog.AddLinearCost(np.full(len(self._groups), SLACK_PRICE), 0.0, self._slack)
+        self._rows = prog.AddLinearConstraint(sp.csc_matrix((1, size)), [-np.inf], [1.0], variables)
+        released = self._z[layout.x(layout.release, 0) : layout.x(layout.release, 0) + STATES]
+        self._released_units = self._units[layout.x(layout.release, 0) : layout.x(layout.release, 0) + STATES]
+        self._landing_cost = prog.AddQuadraticCost(np.eye(STATES), np.zeros(STATES), 0.0, released, is_convex=True)
+        self._landing = prog.AddLinearEqualityConstraint(np.ones((1, 2)), np.zeros(1), released[[1, 4]])
+        self._matrix, self._upper = sp.csc_matrix((1, layout.size)), np.ones(1)
+
+    def _add_dynamics(self) -> None:
+        layout = self.layout
+        a, b = transition(self.sampling_time)
+        step = sp.hstack([sp.csr_matrix(-a), sp.csr_matrix(-b)])
+        blocks = sp.kron(sp.eye(layout.intervals), step)
+        matrix = sp.lil_matrix((STATES * layout.intervals, layout.size))
+        matrix[:, : blocks.shape[1]] = blocks
+        for k in range(layout.intervals):
+            matrix[STATES * k : STATES * (k + 1), layout.x(k + 1, 0) : layout.x(k + 1, 0) + STATES] = np.eye(STATES)
+        scaled = matrix.tocsr() @ sp.diags(self._units)
+        # rows in the units of the state they advance
+        scaled = sp.diags(1 / np.tile(self._units[:STATES], layout.intervals)) @ scaled
+        self._dynamics = sp.csc_matrix(scaled)
+        self.prog.AddLinearEqualityConstraint(self._dynamics, np.zeros(STATES * layout.intervals), self._z)
+
+    def _add_smoothing(self, weight: float) -> None:
+        """Weight on ∫ jerk² dt ≈ Σ |Δu|²/ΔT [s⁵/m²], the rests before and after counted as zero acceleration."""
+        layout, dt = self.layout, self.sampling_time
+        n = layout.intervals
+        difference = np.eye(n + 1, n) - np.eye(n + 1, n, k=-1)
+        gram = difference.T @ difference * (2 * weight / dt)
+        for component, lever in enumerate((1.0, 1.0, TURNING_RADIUS)):
+            columns = layout.u(np.arange(n), component)
+            scale = lever * self._units[columns[0]]
+            self.prog.AddQuadraticCost(gram * scale**2, np.zeros(n), 0.0, self._z[columns], is_convex=True)
+
+    def update(
+        self, start: Floats, n_contact: int, n_flight: int, landing_height: float, rows: Rows,
+        near: Floats, trust: float,
+    ) -> None:  # fmt: skip
+        """New numbers: start (6,), horizon, landing height [m], rows, trust radius [rad] about `near` (N + 1, 3)."""
+        layout, dt = self.layout, self.sampling_time
+        low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
+        samples = np.arange(1, layout.intervals + 1)
+        for component, radius in enumerate((trust * TRUST_LENGTH, trust * TRUST_LENGTH, trust)):
+            low[layout.x(samples, component)] = near[1:, component] - radius
+            high[layout.x(samples, component)] = near[1:, component] + radius
+        waiting = layout.u(np.arange(layout.release - n_contact), 0)
+        for component in range(3):
+            low[waiting + component] = high[waiting + component] = 0.0
+        low[:STATES] = high[:STATES] = start
+        low[-3:] = high[-3:] = 0.0
+        # the waiting states follow from the start; bounds on them would only repeat the equality
+        for component in range(3):
+            idle = layout.x(np.arange(1, layout.release - n_contact + 1), component)
+            low[idle], high[idle] = -np.inf, np.inf
+        self._bounds.evaluator().UpdateLowerBound(low / self._units)
+        self._bounds.evaluator().UpdateUpperBound(high / self._units)
+
+        matrix, offset = flight(n_flight * dt)
+        w = self.cost.residual_matrix()
+        map_ = w @ matrix * self._released_units
+        residual = w @ (offset - self.cost.target())
+        self._landing_cost.evaluator().UpdateCoefficients(
+            2 * map_.T @ map_, 2 * map_.T @ residual, float(residual @ residual), is_convex=True
+        )
+        fall = np.array([[1.0, n_flight * dt]]) * self._released_units[[1, 4]]
+        self._landing.evaluator().UpdateCoefficients(fall, [landing_height - GRAVITY_Z * (n_flight * dt) ** 2 / 2])
+
+        self._matrix, self._upper = rows.matrix(layout.size)
+        scaled = self._matrix @ sp.diags(self._units)
+        if self._groups:
+            group_of = {name: i for i, name in enumerate(self._groups)}
+            column = np.array([group_of[name] for name in rows.groups()])
+            slack = sp.csc_matrix(
+                (-np.ones(rows.count), (np.arange(rows.count), column)), (rows.count, len(self._groups))
+            )
+            scaled = sp.hstack([scaled, slack])
+        self._rows.evaluator().UpdateCoefficients(sp.csc_matrix(scaled), np.full(rows.count, -np.inf), self._upper)
+
+    def solve(self, guess: Floats | None = None) -> Solution:
+        """Solve with the current numbers; `guess` [SI] warms up solvers that can use it."""
+        begin = time.perf_counter()
+        start = None
+        if guess is not None:
+            start = np.concatenate([guess / self._units, np.zeros(len(self._groups))])
+        result = self._solver.Solve(self.prog, start, None)
+        elapsed = time.perf_counter() - begin
+        z = result.GetSolution(self._z)
+        w = self._units * z
+        slack = dict(zip(self._groups, np.maximum(result.GetSolution(self._slack), 0.0).tolist(), strict=True))
+        details = result.get_solver_details()
+        excess = self._matrix @ w - self._upper
+        residual = max(float(np.max(excess, initial=0.0)), float(np.max(np.abs(self._dynamics @ z), initial=0.0)))
+        return Solution(
+            success=bool(result.is_success()),
+            w=w,
+            slack=slack,
+            status=result.get_solution_result().name,
+            solve_time=elapsed,
+            iterations=int(getattr(details, "iterations", getattr(details, "iter", 0))),
+            residual=residual,
+        )

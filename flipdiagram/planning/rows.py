@@ -1,0 +1,47 @@
+"""Linear inequality rows A w ≤ b, collected in batches and named by the constraint they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from flipdiagram.contact import Floats
+
+
+class Rows:
+    """Collects rows Σ value·w[column] ≤ upper; each row belongs to a named group, the constraint it stands for."""
+
+    def __init__(self) -> None:
+        self._rows: list[NDArray[np.int64]] = []
+        self._columns: list[NDArray[np.int64]] = []
+        self._values: list[Floats] = []
+        self._upper: list[Floats] = []
+        self._groups: list[tuple[str, int]] = []
+        self.count = 0
+
+    def add(self, group: str, terms: Sequence[tuple[ArrayLike, ArrayLike]], upper: ArrayLike) -> None:
+        """Add a batch: terms are (columns, values) pairs that broadcast against `upper`, one row per element."""
+        shape = np.broadcast_shapes(np.shape(upper), *(np.shape(c) for c, _ in terms), *(np.shape(v) for _, v in terms))
+        size = int(np.prod(shape))
+        rows = self.count + np.arange(size)
+        for columns, values in terms:
+            self._rows.append(rows)
+            self._columns.append(np.broadcast_to(np.asarray(columns, dtype=np.int64), shape).ravel())
+            self._values.append(np.broadcast_to(np.asarray(values, dtype=float), shape).ravel())
+        self._upper.append(np.broadcast_to(np.asarray(upper, dtype=float), shape).ravel())
+        self._groups.append((group, size))
+        self.count += size
+
+    def matrix(self, columns: int) -> tuple[sp.csc_matrix, Floats]:
+        """A (count, columns) and b (count,)."""
+        if not self._rows:
+            return sp.csc_matrix((0, columns)), np.zeros(0)
+        entries = (np.concatenate(self._values), (np.concatenate(self._rows), np.concatenate(self._columns)))
+        return sp.csc_matrix(entries, shape=(self.count, columns)), np.concatenate(self._upper)
+
+    def groups(self) -> list[str]:
+        """The group of every row, in order."""
+        return [name for name, size in self._groups for _ in range(size)]

@@ -1,0 +1,128 @@
+"""The robot cell of section IV: arm, spatula, block and table in one MultibodyPlant, with joint friction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.multibody.plant import AddMultibodyPlant, ContactResults, MultibodyPlant, MultibodyPlantConfig
+from pydrake.multibody.tree import BodyIndex
+from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, InputPort, LeafSystem, OutputPort
+from pydrake.systems.primitives import Adder, Demultiplexer
+
+from flipdiagram.arm import ArmModel
+from flipdiagram.blocks.friction import JointFriction, stable_transition_velocity
+from flipdiagram.contact import Floats
+from flipdiagram.errors import ScenarioError
+from flipdiagram.parts import Parts, add_parts
+from flipdiagram.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Handles to the cell: input tau (n,) [N·m]; outputs q, qd (n,) and contact_force (9,) [N]; the parts inside."""
+
+    plant: MultibodyPlant
+    parts: Parts
+    tau: InputPort
+    q: OutputPort
+    qd: OutputPort
+    contact_force: OutputPort
+
+
+CONTACT_PAIRS = ("blade-block", "table-block", "table-blade")
+"""Who pushes whom in the output of `ContactForces`: the first on the second."""
+
+
+class ContactForces(LeafSystem):
+    """Contact forces, output `contact_force` (9,) [N]: x, y, z in world axes for each of `CONTACT_PAIRS`.
+
+    They belong to the step that begins at t: the plant's outputs are not sampled (see `add_cell`).
+    """
+
+    def __init__(self, plant: MultibodyPlant, parts: Parts) -> None:
+        super().__init__()
+        blade, block, table = (body.index() for body in (parts.arm.spatula_body, parts.block, parts.table))
+        self._slot = {(blade, block): (0, 1.0), (table, block): (3, 1.0), (table, blade): (6, 1.0)}
+        self._slot |= {(on, by): (first, -1.0) for (by, on), (first, _) in self._slot.items()}
+        bodies = (parts.arm.spatula_body, parts.block, parts.table)
+        self._body_of = {g: b.index() for b in bodies for g in plant.GetCollisionGeometriesForBody(b)}
+        self._results = self.DeclareAbstractInputPort("contact_results", Value[ContactResults]())
+        self.DeclareVectorOutputPort("contact_force", 9, self._calc, {self._results.ticket()})
+
+    def _calc(self, context: Context, output: BasicVector) -> None:
+        force = np.zeros(9)
+        results = self._results.Eval(context)
+        for i in range(results.num_hydroelastic_contacts()):
+            info = results.hydroelastic_contact_info(i)
+            surface = info.contact_surface()
+            # F_Ac_W acts on the body of geometry M
+            self._add(force, self._body_of.get(surface.id_N()), self._body_of.get(surface.id_M()),
+                      info.F_Ac_W().translational())  # fmt: skip
+        for i in range(results.num_point_pair_contacts()):
+            pair = results.point_pair_contact_info(i)
+            # contact_force acts on body B
+            self._add(force, pair.bodyA_index(), pair.bodyB_index(), pair.contact_force())
+        output.set_value(force)
+
+    def _add(self, force: Floats, by: BodyIndex | None, on: BodyIndex | None, value: Floats) -> None:
+        if (slot := self._slot.get((by, on))) is not None:
+            first, sign = slot
+            force[first : first + 3] += sign * value
+
+
+def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel) -> Cell:
+    """Add the cell to a diagram.  `arm` is the controller's model of the same arm, for rated torques and inertia.
+
+    Raises ScenarioError where the joint friction's transition velocity is too small for the step.
+    """
+    settings = scenario.simulation
+    # Sampled outputs would make the plant step in an unrestricted update, which Drake runs before the discrete updates
+    # of the same instant: the observer would then see the state after the step, and everything be evaluated twice.
+    config = MultibodyPlantConfig(
+        time_step=settings.step,
+        contact_model=settings.contact_model,
+        discrete_contact_approximation=settings.contact_approximation,
+        use_sampled_output_ports=False,
+    )
+    plant, _ = AddMultibodyPlant(config, builder)
+    parts = add_parts(plant, scenario)
+    plant.Finalize()
+    plant.set_name("robot")
+    n = arm.n_joints
+    friction = builder.AddNamedSystem("joint_friction", joint_friction(scenario, arm))
+    torque = builder.AddNamedSystem("joint_torque", Adder(2, n))
+    state = builder.AddNamedSystem("joint_state", Demultiplexer([n, n]))
+    contact = builder.AddNamedSystem("contact_forces", ContactForces(plant, parts))
+    builder.Connect(plant.get_state_output_port(parts.arm.arm), state.get_input_port())
+    builder.Connect(state.get_output_port(1), friction.get_input_port())
+    builder.Connect(friction.get_output_port(), torque.get_input_port(1))
+    builder.Connect(torque.get_output_port(), plant.get_actuation_input_port(parts.arm.arm))
+    builder.Connect(plant.get_contact_results_output_port(), contact.get_input_port())
+    return Cell(
+        plant,
+        parts,
+        tau=torque.get_input_port(0),
+        q=state.get_output_port(0),
+        qd=state.get_output_port(1),
+        contact_force=contact.get_output_port(),
+    )
+
+
+def joint_friction(scenario: Scenario, arm: ArmModel) -> LeafSystem:
+    """The friction box of the scenario, its levels as fractions of each joint's rated torque.
+
+    Raises ScenarioError where the friction would chatter: it acts explicitly, so its slope at rest is limited by the
+    joint's inertia (the diagonal of M at the arm's home pose) and the step.
+    """
+    level = scenario.joint_friction
+    coulomb, viscous = level.coulomb * arm.tau_rated, level.viscous * arm.tau_rated
+    needed = stable_transition_velocity(coulomb, np.diag(arm.mass_matrix(arm.home)), scenario.simulation.step)
+    if np.any(needed > level.transition_velocity):
+        worst = int(np.argmax(needed))
+        raise ScenarioError(
+            f"scenario field 'joint_friction.transition_velocity' = {level.transition_velocity} rad/s makes joint"
+            f" {arm.joint_names[worst]} chatter at this step and level; valid is at least {needed[worst]:.4f} rad/s"
+        )
+    return JointFriction(coulomb, viscous, np.full(arm.n_joints, level.transition_velocity))

@@ -1,0 +1,91 @@
+"""The only user of Simulator: runs a loop and returns its recording."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context
+
+from flipdiagram.errors import SimulationError
+from flipdiagram.loop import Loop, build_loop
+from flipdiagram.planning.plan import Plan
+from flipdiagram.recording import Recording, assemble
+from flipdiagram.scenario import Scenario
+
+CHUNK = 0.1
+"""Simulated seconds between two looks at progress and divergence."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One simulated flip: its recording, the plan it followed, and simulated over wall time of the simulation alone."""
+
+    recording: Recording
+    plan: Plan
+    real_time_factor: float
+
+
+def simulate(
+    scenario: Scenario,
+    architecture: str = "pd+ff+dob",
+    plan: Plan | None = None,
+    progress: Callable[[float], None] | None = None,
+    loop: Loop | None = None,
+) -> Run:
+    """Hold, motion, release, touch-down and settling of one flip.
+
+    plan: the motion to follow; without one the MPC plans when the run starts.  progress: called with the fraction
+    done.  loop: one built with record=True, to be used again.  Raises ScenarioError for a bad scenario, PlanningError
+    where there is no motion, SimulationError where the simulation diverges.
+    """
+    loop = loop or build_loop(scenario, architecture, record=True)
+    context = loop.context(plan)
+    simulator = Simulator(loop.diagram, context)
+    simulator.Initialize()
+    plan = loop.mpc.plan(loop.mpc.GetMyContextFromRoot(context))
+    assert plan is not None, "the MPC's initialisation sets a plan"
+    settings = scenario.simulation
+    end = settings.hold_time + max(plan.duration, plan.touchdown_time) + settings.settle_time
+    begin = time.perf_counter()
+    for chunk in range(1, math.ceil(end / CHUNK) + 1):
+        until = min(chunk * CHUNK, end)
+        _advance(simulator, until)
+        if progress is not None:
+            progress(until / end)
+    elapsed = time.perf_counter() - begin
+    return Run(_read(loop, context, plan), plan, end / elapsed)
+
+
+def _advance(simulator: Simulator, until: float) -> None:
+    try:
+        simulator.AdvanceTo(until)
+    except RuntimeError as error:
+        reason = str(error).splitlines()[0]
+        raise SimulationError(f"the simulation diverged before {until:.3f} s: {reason}") from None
+    state = simulator.get_context().get_discrete_state(0).value()
+    if not np.all(np.isfinite(state)):
+        raise SimulationError(f"the simulation diverged before {until:.3f} s: the state is not finite")
+
+
+def _read(loop: Loop, context: Context, plan: Plan) -> Recording:
+    logs = {name: sink.FindLog(context) for name, sink in loop.logs.items()}
+    signals = {name: log.data() for name, log in logs.items()}
+    state, plant, parts = signals.pop("state"), loop.cell.plant, loop.cell.parts
+    positions, velocities = state[: plant.num_positions()], state[plant.num_positions() :]
+    at = np.arange(plant.num_positions(), dtype=float)
+    signals["q"] = positions[plant.GetPositionsFromArray(parts.arm.arm, at).astype(int)]
+    at = np.arange(plant.num_velocities(), dtype=float)
+    signals["qd"] = velocities[plant.GetVelocitiesFromArray(parts.arm.arm, at).astype(int)]
+    first = parts.block.floating_positions_start()
+    signals["block_pose"] = positions[first : first + 7]
+    samples = state.shape[1]
+    # the log's own times carry the rounding of k·T; these are the same to the bit on every machine
+    settings = loop.scenario
+    period, hold = settings.controller.period, settings.simulation.hold_time
+    clock = (np.arange(samples) - hold / period) * period
+    return assemble(signals, clock, settings, loop.architecture, loop.arm, plan)

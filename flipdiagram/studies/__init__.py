@@ -1,0 +1,1 @@
+"""Studies: what the paper measured, and beyond."""

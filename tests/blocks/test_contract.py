@@ -1,0 +1,142 @@
+"""What holds of every block: no stale outputs, state in the Context, and every scalar its maths allows."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flipdiagram.blocks.feedforward import AccelerationFeedforward
+from flipdiagram.blocks.friction import JointFriction
+from flipdiagram.blocks.inertia import NominalInertia
+from flipdiagram.blocks.inverse_jacobian import InverseJacobian
+from flipdiagram.blocks.observer import DisturbanceObserver
+from flipdiagram.blocks.pd import ProportionalDerivative
+from flipdiagram.blocks.sensors import Encoder, PseudoDerivative
+from flipdiagram.blocks.tool_kinematics import ToolKinematics
+from flipdiagram.blocks.torque_limit import TorqueLimit
+
+# NumPy reports the floating-point flags that Drake's symbolic scalars leave behind.
+pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
+
+
+class DiagonalArm:
+    """Two sliding joints along the axes of the task, one geared 2 : 1; it has a form over every scalar."""
+
+    def __init__(self, T: type = float) -> None:
+        self.jacobian = np.array([[T(1.0), T(0.0)], [T(0.0), T(2.0)]])
+
+    def to_scalar(self, T: type) -> "DiagonalArm":
+        return DiagonalArm(T)
+
+    def task_kinematics(self, q: Any, qd: Any) -> Any:
+        return q, qd, self.jacobian, 0.1 * q * qd
+
+    def task_position_velocity(self, q: Any, qd: Any) -> Any:
+        return q * np.array([1.0, 2.0]), q + qd
+
+
+BLOCKS = {
+    "feedforward": lambda: AccelerationFeedforward(2),
+    "pd": lambda: ProportionalDerivative([1.0, 2.0], [3.0, 4.0]),
+    "inertia": lambda: NominalInertia([1.0, 2.0]),
+    "inertia matrix": lambda: NominalInertia([[1.0, 0.1], [0.1, 2.0]]),
+    "observer": lambda: DisturbanceObserver([20.0, 30.0], [1.0, 2.0], 0.01),
+    "observer matrix": lambda: DisturbanceObserver([20.0, 30.0], [[1.0, 0.1], [0.1, 2.0]], 0.01),
+    "limit": lambda: TorqueLimit([0.1, 5.0]),
+    "friction": lambda: JointFriction([1.0, 2.0], [0.1, 0.2], [0.3, 0.4]),
+    "encoder": lambda: Encoder([0.01, 0.0]),
+    "derivative": lambda: PseudoDerivative([20.0, 30.0], 0.01),
+    "inverse jacobian": lambda: InverseJacobian(DiagonalArm(), 2, 2),
+    "tool kinematics": lambda: ToolKinematics(DiagonalArm(), 2, 2),
+}
+every_block = pytest.mark.parametrize("name", BLOCKS)
+
+
+def fill(block: Any, context: Any, seed: int = 0, **other: int) -> None:
+    """Inputs, state and parameters all positive and distinct; ``other`` seeds replace single ones."""
+
+    def numbers(key: str, size: int) -> np.ndarray:
+        return np.random.default_rng([other.get(key, seed), *key.encode()]).uniform(0.2, 1.0, size)
+
+    for i in range(block.num_input_ports()):
+        block.get_input_port(i).FixValue(context, numbers(f"input{i}", 2))
+    for i in range(context.num_numeric_parameter_groups()):
+        parameter = context.get_mutable_numeric_parameter(i)
+        parameter.SetFromVector(numbers(f"parameter{i}", parameter.size()))
+    if context.num_discrete_state_groups():
+        context.SetDiscreteState(numbers("state", 2))
+
+
+def results(block: Any, context: Any) -> list[np.ndarray]:
+    values = [block.get_output_port(i).Eval(context) for i in range(block.num_output_ports())]
+    if context.num_discrete_state_groups():
+        values.append(block.EvalUniquePeriodicDiscreteUpdate(context).get_vector().CopyToVector())
+    return values
+
+
+@every_block
+def test_no_result_is_stale(name: str) -> None:
+    """After any one change a context that was evaluated before agrees with a fresh one."""
+    block = BLOCKS[name]()
+    used = block.CreateDefaultContext()
+    keys = [f"input{i}" for i in range(block.num_input_ports())]
+    keys += [f"parameter{i}" for i in range(used.num_numeric_parameter_groups())]
+    keys += ["state"] * used.num_discrete_state_groups()
+    for key in keys:
+        fill(block, used)
+        before = results(block, used)
+        fresh = block.CreateDefaultContext()
+        fill(block, fresh, **{key: 1})
+        # change that one thing alone, so that nothing else invalidates the cache
+        if key.startswith("input"):
+            port = block.get_input_port(int(key[-1]))
+            port.FixValue(used, port.Eval(fresh))
+        elif key.startswith("parameter"):
+            number = int(key[-1])
+            value = fresh.get_numeric_parameter(number).CopyToVector()
+            used.get_mutable_numeric_parameter(number).SetFromVector(value)
+        else:
+            used.SetDiscreteState(fresh.get_discrete_state_vector().CopyToVector())
+        after = results(block, used)
+        assert np.array_equal(np.concatenate(after), np.concatenate(results(block, fresh))), key
+        assert not np.array_equal(np.concatenate(after), np.concatenate(before)) or name == "encoder", key
+
+
+@every_block
+@pytest.mark.parametrize("form", ["ToAutoDiffXd", "ToSymbolic"])
+def test_other_scalars_give_the_same_numbers(name: str, form: str) -> None:
+    block = BLOCKS[name]()
+    context = block.CreateDefaultContext()
+    fill(block, context)
+    converted = getattr(block, form)()
+    other = converted.CreateDefaultContext()
+    fill(converted, other)
+    for value, expected in zip(results(converted, other), results(block, context), strict=True):
+        numbers = [v.value() if form == "ToAutoDiffXd" else v.Evaluate() for v in value]
+        assert numbers == pytest.approx(expected, rel=1e-14, abs=1e-15)
+
+
+@every_block
+def test_converted_blocks_keep_ports_sampling_and_defaults(name: str) -> None:
+    block = BLOCKS[name]()
+    converted = block.ToAutoDiffXd().ToSymbolic() if name == "pd" else block.ToSymbolic()
+    for side in ("input", "output"):
+        names = [
+            [getattr(s, f"get_{side}_port")(i).get_name() for i in range(getattr(s, f"num_{side}_ports")())]
+            for s in (block, converted)
+        ]
+        assert names[0] == names[1]
+    assert block.num_continuous_states() == 0
+    context, other = block.CreateDefaultContext(), converted.CreateDefaultContext()
+    for i in range(context.num_numeric_parameter_groups()):
+        values = [e.Evaluate() for e in other.get_numeric_parameter(i).CopyToVector()]
+        assert values == context.get_numeric_parameter(i).CopyToVector().tolist()
+    if context.num_discrete_state_groups():
+        timings = [s.GetUniquePeriodicDiscreteUpdateAttribute() for s in (block, converted)]
+        assert timings[0].period_sec() == timings[1].period_sec() == 0.01
+
+
+@every_block
+def test_every_block_says_what_it_is(name: str) -> None:
+    doc = str(type(BLOCKS[name]()).__doc__)
+    assert "output" in doc and "[" in doc and "(n,)" in doc

@@ -1,0 +1,21 @@
+"""Settings of all tests: the same examples in every run, and no test that needs a program skipped unnoticed."""
+
+import os
+import shutil
+
+import pytest
+from hypothesis import settings
+
+settings.register_profile("deterministic", derandomize=True, deadline=None)
+settings.load_profile("deterministic")
+
+ALTERNATIVES = {"chromium": ("chromium", "chromium-browser", "google-chrome")}
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Handle `@pytest.mark.needs("dot")`: a missing program skips with a reason, and fails in CI, which has them all."""
+    for marker in item.iter_markers("needs"):
+        for program in marker.args:
+            if not any(shutil.which(name) for name in ALTERNATIVES.get(program, (program,))):
+                message = f"'{program}' is not installed; `make test` installs it as root where apt is at hand"
+                (pytest.fail if os.environ.get("CI") else pytest.skip)(message)
