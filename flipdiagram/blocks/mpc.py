@@ -36,7 +36,7 @@ class ModelPredictiveController(LeafSystem):
         self._hold = np.array(hold, dtype=float)
         if self._hold.shape != (CHANNELS,):
             raise ScenarioError(f"hold has shape {self._hold.shape}; valid is ({CHANNELS},)")
-        self._state = self.DeclareAbstractState(Value[object](None))
+        self._state = self.DeclareAbstractState(Value[object]())
         self.DeclareInitializationUnrestrictedUpdateEvent(self._plan_once)
         self._command = self.DeclareCacheEntry(
             "command",
@@ -52,7 +52,8 @@ class ModelPredictiveController(LeafSystem):
 
     def plan(self, context: Context) -> Plan | None:
         """The plan in this system's Context, None before the run has started."""
-        return context.get_abstract_state(int(self._state)).get_value()
+        value = context.get_abstract_state(int(self._state)).get_value()
+        return value if isinstance(value, Plan) else None
 
     def set_plan(self, context: Context, plan: Plan) -> None:
         """Put a plan into this system's Context; the run then starts with it instead of solving."""
