@@ -47,7 +47,7 @@ def arm_urdf(
     """URDF text of the arm with its numbers scaled; `file` is a URDF of the user's own (default: mh3f.urdf).
 
     link_inertia_scale multiplies mass and inertia of every link, reflected_inertia_scale every rotor inertia,
-    speed_scale every velocity limit, torque_scale every effort limit (peak and rated). Numbers without unit,
+    speed_scale every velocity limit, torque_scale every effort limit (the peak; friction is a fraction of the rated torque, which stays). Numbers without unit,
     above 0 (reflected_inertia_scale: 0 too).
     """
     root = _parse(model_path("mh3f.urdf") if file is None else Path(file))
@@ -66,7 +66,7 @@ def arm_urdf(
             ("value",),
         ),
         ("speed_scale", speed_scale, "joint/limit", ("velocity",)),
-        ("torque_scale", torque_scale, "joint/limit", ("effort", "rated_effort")),
+        ("torque_scale", torque_scale, "joint/limit", ("effort",)),
     ):
         if name == "reflected_inertia_scale":
             check_not_negative(name, scale)

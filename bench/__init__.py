@@ -1,0 +1,1 @@
+"""Speed of flipdiagram against its targets: `make bench`."""

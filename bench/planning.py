@@ -1,0 +1,96 @@
+"""Planning from cold: a fresh process imports, builds the program, and searches over contact and flight samples.
+
+`python -m bench.planning` is that process: it plans once and prints the times as JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import statistics
+import time
+from typing import Any
+
+from bench.processes import fresh
+from bench.results import Section, Target
+from bench.timing import SelfTimes
+
+LIMIT = Target("<", 2.0)
+PARTS = ("solver", "row assembly", "arm kinematics")
+TEXT = (
+    "A fresh Python process imports flipdiagram, builds the MathematicalProgram of the default scenario and searches"
+    " over contact and flight samples to the finished Plan. Judged is the whole process, from its start to its exit."
+    " Shares of the search: solver = HorizonProgram.solve; row assembly = linearising the constraints (Convexification"
+    ".rows) and writing them into the program (HorizonProgram.update); arm kinematics = limits.joint_motion, the arm"
+    " followed along each trajectory; each without the others, so they add up."
+)
+
+
+def measure(repetitions: int) -> Section:
+    """Plan in `repetitions` fresh processes, one after another."""
+    fresh("bench.planning")  # fills the file cache and the .pyc files
+    runs = [_run() for _ in range(repetitions)]
+    first = runs[0]
+    section = Section("Plan from cold", TEXT)
+
+    def add(name: str, key: str, indent: int = 1) -> None:
+        section.add(name, [run[key] for run in runs], indent=indent)
+
+    section.whole = section.add("whole process", [run["process"] for run in runs], target=LIMIT)
+    add("interpreter and exit", "python")
+    add("import of Drake and flipdiagram", "import")
+    add("building arm model and program", "build")
+    add(f"search, {len(first['programs'])} QPs", "search")
+    for part in PARTS:
+        add(part, part, 2)
+    add("rest of the search", "rest", 2)
+    section.add(
+        "one QP (median of a search)", [statistics.median(run["programs"]) for run in runs], indent=2
+    )
+    agree = len({(run["cost"], len(run["programs"])) for run in runs}) == 1
+    section.checks.append(
+        f"J = {first['cost']:.4f}, residual {first['residual']:.1e};"
+        f" the {len(runs)} runs {'agree' if agree else 'DO NOT agree'} in J and in the number of QPs"
+    )
+    return section
+
+
+def _run() -> dict[str, Any]:
+    elapsed, times = fresh("bench.planning")
+    within = times["import"] + times["build"] + times["search"]
+    return {"process": elapsed, "python": elapsed - within, **times}
+
+
+def plan_once() -> dict[str, Any]:
+    """Import, build, search, each with its time [s]."""
+    begin = time.perf_counter()
+    from flipdiagram.planning import Planner, convexification, limits
+    from flipdiagram.planning.program import HorizonProgram
+    from flipdiagram.scenario import Scenario
+
+    imported = time.perf_counter()
+    planner = Planner(Scenario())
+    built = time.perf_counter()
+    own = SelfTimes()
+    with (
+        own.of_method(HorizonProgram, "solve", "solver"),
+        own.of_method(HorizonProgram, "update", "row assembly"),
+        own.of_method(convexification.Convexification, "rows", "row assembly"),
+        own.of_method(limits, "joint_motion", "arm kinematics"),
+    ):
+        plan = planner.plan()
+    search = time.perf_counter() - built
+    parts = {name: own.seconds[name] for name in PARTS}
+    return {
+        "import": imported - begin,
+        "build": built - imported,
+        "search": search,
+        **parts,
+        "rest": search - sum(parts.values()),
+        "programs": list(plan.program_times),
+        "cost": plan.cost,
+        "residual": plan.residual,
+    }
+
+
+if __name__ == "__main__":
+    print(json.dumps(plan_once()))
