@@ -58,6 +58,13 @@ class SelfTimes:
 
         return with_clock
 
+    def take(self) -> dict[str, float]:
+        """The seconds by name since the last `take`; starts again from zero."""
+        seconds = dict(self.seconds)
+        self.seconds.clear()
+        self.calls.clear()
+        return seconds
+
     @contextmanager
     def of_method(self, owner: Any, method: str, name: str) -> Iterator[None]:
         """Put the clock on a method of a class or a function of a module while the context lasts."""

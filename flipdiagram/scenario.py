@@ -54,7 +54,7 @@ class JointFriction(Section):
         0.033, "rated torque per rad/s", "viscous friction, fraction of rated torque", ge=0
     )
     transition_velocity: float = quantity(
-        0.05, "rad/s", "velocity over which the Coulomb friction changes sign (tanh)", gt=0
+        0.06, "rad/s", "velocity over which the Coulomb friction changes sign (tanh)", gt=0
     )
 
 

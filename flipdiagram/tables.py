@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from rich.table import Table
 
@@ -42,3 +43,25 @@ def turnover_table(result: TurnoverResult) -> Table:
             f"{run.real_time_factor:.1f}",
         )
     return table
+
+
+def turnover_markdown(summary: dict[str, Any]) -> str:
+    """The runs of a turnover summary.json as a Markdown table, as the README shows it."""
+    headings = (
+        "architecture", "block", "touch-down", "position RMSE", "acceleration RMSE", "joint 2, max", "slip", "velocity delay"
+    )  # fmt: skip
+    lines = [" | ".join(headings), " | ".join(["---"] * 2 + ["---:"] * 6)]
+    for run in summary["runs"]:
+        landed = run["touchdown"]
+        cells = (
+            f"`{run['architecture']}`",
+            "**turned over**" if run["success"] else run["failure"],
+            f"{landed['theta_rad']:.2f} rad" if landed else "–",
+            f"{100 * run['position_rmse_m']:.2f} cm",
+            f"{run['acceleration_rmse_m_s2']:.2f} m/s²",
+            f"{run['max_torque_Nm'][JOINT_2]:.1f} N m",
+            f"{1000 * run['max_slip_m']:.1f} mm",
+            f"{1000 * run['velocity_delay_s']:.1f} ms",
+        )
+        lines.append(" | ".join(cells))
+    return "\n".join(f"| {line} |" for line in lines) + "\n"

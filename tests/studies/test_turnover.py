@@ -6,12 +6,14 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from flipdiagram.scenario import ARCHITECTURES, Scenario
 from flipdiagram.studies.turnover import load_recording
+from flipdiagram.tables import turnover_markdown
 
 COMMAND = [sys.executable, "-m", "flipdiagram.cli", "flip"]
 
@@ -117,3 +119,8 @@ def test_ctrl_c_stops_within_two_seconds_and_keeps_finished_runs(tmp_path):
             break
         time.sleep(0.1)
     assert not alive
+
+
+def test_the_readme_shows_the_numbers_of_this_run(summary):
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    assert turnover_markdown(summary) in readme
