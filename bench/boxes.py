@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 from unittest.mock import patch
 
@@ -32,7 +33,7 @@ TEXT = (
 
 
 def measure(scenario: Scenario, plan: Plan, repetitions: int) -> Section:
-    """Run the flip with clocks, with and without logging, and without a controller, each `repetitions` times in turn."""
+    """Run the flip with clocks, with and without logging, and without a controller, in turn, `repetitions` times."""
     run = simulate(scenario, ARCHITECTURE, plan)
     end, periods = simulated_time(run), len(run.recording["time"]) - 1
     own = SelfTimes()
@@ -52,9 +53,7 @@ def measure(scenario: Scenario, plan: Plan, repetitions: int) -> Section:
         "playback": torques_alone(recorded, run),
         "clocked": closed_loop(clocked, plan),
     }
-    tasks: dict[str, Callable[[], float]] = {
-        name: lambda one=one: one.advance(end) for name, one in runs.items()
-    }
+    tasks: dict[str, Callable[[], float]] = {name: partial(one.advance, end) for name, one in runs.items()}
     tasks["clocked"] = with_clocks
     times = {name: np.array(values) / periods for name, values in in_turn(tasks, repetitions).items()}
     boxes = {name: np.array([seconds[name] for seconds in by_box]) / periods for name in by_box[0]}
@@ -62,7 +61,7 @@ def measure(scenario: Scenario, plan: Plan, repetitions: int) -> Section:
     states = [one.final_state for one in runs.values()]
     same = all(np.array_equal(state, states[0]) for state in states)
     section.checks.append(
-        f"the {len(runs)} kinds of run, playback included, end in {'one and the same' if same else 'DIFFERENT'} state"
+        f"the {len(runs)} kinds of run, playback included, {'end' if same else 'do NOT end'} in the same state"
     )
     return section
 
@@ -109,9 +108,7 @@ def clocks_on_boxes(own: SelfTimes) -> Iterator[None]:
                     return value
                 return _inputs_first(system, own.wrap(value, system.get_name))
 
-            return declare(
-                system, *map(clock, arguments), **{name: clock(value) for name, value in options.items()}
-            )
+            return declare(system, *map(clock, arguments), **{name: clock(value) for name, value in options.items()})
 
         return declare_clocked
 

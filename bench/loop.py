@@ -20,9 +20,7 @@ TEXT = (
 
 def measure(scenario: Scenario, plan: Plan, repetitions: int) -> Section:
     """Simulate the same flip `repetitions` times."""
-    calls: list[tuple[float, Run]] = [
-        timed(lambda: simulate(scenario, ARCHITECTURE, plan)) for _ in range(repetitions)
-    ]
+    calls: list[tuple[float, Run]] = [timed(lambda: simulate(scenario, ARCHITECTURE, plan)) for _ in range(repetitions)]
     first = calls[0][1]
     end = simulated_time(first)
     whole, factors = [elapsed for elapsed, _ in calls], [run.real_time_factor for _, run in calls]
@@ -37,7 +35,7 @@ def measure(scenario: Scenario, plan: Plan, repetitions: int) -> Section:
     verdict = metrics.measure(first.recording).failure or "turned over"
     section.checks.append(
         f"{end:.2f} s simulated, block: {verdict};"
-        f" the {len(calls)} recordings are {'bit-identical' if same else 'NOT identical'}"
+        f" all recordings {'are bit-identical' if same else 'are NOT identical'}"
     )
     return section
 

@@ -43,13 +43,11 @@ def measure(repetitions: int) -> Section:
     for part in PARTS:
         add(part, part, 2)
     add("rest of the search", "rest", 2)
-    section.add(
-        "one QP (median of a search)", [statistics.median(run["programs"]) for run in runs], indent=2
-    )
+    section.add("one QP, solved (median of a search)", [statistics.median(run["programs"]) for run in runs])
     agree = len({(run["cost"], len(run["programs"])) for run in runs}) == 1
     section.checks.append(
         f"J = {first['cost']:.4f}, residual {first['residual']:.1e};"
-        f" the {len(runs)} runs {'agree' if agree else 'DO NOT agree'} in J and in the number of QPs"
+        f" all runs {'agree' if agree else 'do NOT agree'} in J and in the number of QPs"
     )
     return section
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,11 +31,14 @@ def fresh(module: str, *arguments: str) -> tuple[float, Any]:
 
 @dataclass(frozen=True)
 class Watched:
-    """A finished command: wall time [s], its output, and peak resident memory [B] of each of its processes by id."""
+    """A finished command."""
 
     elapsed: float
-    output: str
+    """Wall time [s]."""
+    lines: list[tuple[float, str]]
+    """What it printed, each line with the time [s] at which it came."""
     peaks: dict[int, int]
+    """Peak resident memory [B] of each of its processes, by id."""
     largest: int
     """Of any process [B]: the kernel's own account of all that ended, or the largest of `peaks` if that is more."""
 
@@ -46,39 +50,38 @@ def watch(command: Sequence[str]) -> Watched:
     Raises RuntimeError, with what the command printed, unless it exits with 0.
     """
     peaks: dict[int, int] = {}
+    lines: list[tuple[float, str]] = []
     begin = time.perf_counter()
     read, write = os.pipe()
     process = subprocess.Popen(command, cwd=ROOT, stdout=write, stderr=write)
     os.close(write)
     os.set_blocking(read, False)
-    output = b""
     while True:
         done, status, usage = os.wait4(process.pid, os.WNOHANG)
         if done:
             break
         for pid in _family(process.pid):
             peaks[pid] = max(peaks.get(pid, 0), _peak(pid))
-        output += _drain(read)
+        lines += [(time.perf_counter() - begin, line) for line in _lines(read)]
         time.sleep(POLL)
     elapsed = time.perf_counter() - begin
     process.returncode = os.waitstatus_to_exitcode(status)
-    output += _drain(read)
+    lines += [(elapsed, line) for line in _lines(read)]
     os.close(read)
-    text = output.decode(errors="replace")
     if process.returncode:
-        raise RuntimeError(f"{' '.join(command)} ended with exit code {process.returncode}:\n{text}")
+        said = " / ".join(line for _, line in lines)
+        raise RuntimeError(f"{' '.join(command)} ended with exit code {process.returncode}: {said}")
     kernel = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-    return Watched(elapsed, text, peaks, max([kernel, *peaks.values()]))
+    return Watched(elapsed, lines, peaks, max([kernel, *peaks.values()]))
 
 
-def _drain(pipe: int) -> bytes:
+def _lines(pipe: int) -> list[str]:
+    """What the pipe holds; a line is short, and written at once."""
     text = b""
-    try:
+    with suppress(BlockingIOError):
         while block := os.read(pipe, 65536):
             text += block
-    except BlockingIOError:
-        pass
-    return text
+    return text.decode(errors="replace").splitlines()
 
 
 def _family(pid: int) -> list[int]:

@@ -1,11 +1,14 @@
 """The solver itself: a MathematicalProgram's QP as matrices, and Clarabel called on them without Drake.
 
     min ½ xᵀP x + qᵀx + c   subject to   A x + s = b,  s = 0 in the first `equalities` rows, s ≥ 0 in the others
+
+Bounds and rows of a MathematicalProgram that are infinite have no row here.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -39,7 +42,7 @@ class Matrices:
 
 
 def matrices(prog: MathematicalProgram) -> Matrices:
-    """Read costs, equalities, bounds and inequalities of a program; rows without a finite bound are left out."""
+    """Read the costs, equalities, bounds and inequalities of a program."""
     size = prog.num_vars()
     P, q, constant = sp.csc_matrix((size, size)), np.zeros(size), 0.0
     for binding in prog.quadratic_costs():
@@ -74,8 +77,7 @@ def _place(prog: MathematicalProgram, binding: Any) -> sp.csr_matrix:
 
 def solve(problem: Matrices) -> Any:
     """Set up and solve with Clarabel's own interface and default settings, which are those Drake uses; its solution."""
-    import clarabel
-
+    clarabel = import_module("clarabel")
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     cones = [

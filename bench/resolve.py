@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
+from importlib.util import find_spec
 from typing import Any
 from unittest.mock import patch
 
@@ -47,7 +48,7 @@ def measure(repetitions: int, overrides: dict[str, Any] | None = None) -> Sectio
     program, numbers = problems(scenario)
     n, first = program.layout.intervals, numbers[0].problem
     section = Section(f"Re-solve at N = {n}", TEXT.format(n=n))
-    with_raw = _raw_is_installed()
+    with_raw = find_spec("clarabel") is not None
     worst = 0.0
     for item in numbers:
         program.update(*item.arguments)
@@ -57,11 +58,11 @@ def measure(repetitions: int, overrides: dict[str, Any] | None = None) -> Sectio
     for k in range(repetitions * len(numbers)):
         item = numbers[k % len(numbers)]
         tasks: dict[str, Callable[[], float]] = {
-            "update": lambda item=item: timed(lambda: program.update(*item.arguments))[0],
-            "solve": lambda item=item: _solve(program, item.problem),
+            "update": partial(_update, program, item.arguments),
+            "solve": partial(_solve, program, item.problem),
         }
         if with_raw:
-            tasks["raw"] = lambda item=item: _solve_raw(item.problem)
+            tasks["raw"] = partial(_solve_raw, item.problem)
         for name, values in in_turn(tasks, 1).items():
             times.setdefault(name, []).extend(values)
     solve = times["solve"]
@@ -107,6 +108,10 @@ def problems(scenario: Scenario) -> tuple[HorizonProgram, list[Numbers]]:
     return program, found
 
 
+def _update(program: HorizonProgram, arguments: tuple[Any, ...]) -> float:
+    return timed(lambda: program.update(*arguments))[0]
+
+
 def _solve(program: HorizonProgram, problem: raw.Matrices) -> float:
     elapsed, solution = timed(program.solve)
     violation = max(solution.residual, problem.violation(solution.w / program.layout.units()))
@@ -131,12 +136,3 @@ def _disagreement(program: HorizonProgram, problem: raw.Matrices) -> float:
     if difference > AGREE:
         raise RuntimeError(f"Drake and raw Clarabel solve different problems: {cost} and {raw_cost}")
     return difference
-
-
-def _raw_is_installed() -> bool:
-    with suppress(ImportError):
-        import clarabel  # noqa: F401
-
-        return True
-    return False
-

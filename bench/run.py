@@ -1,8 +1,8 @@
 """Measures the speed of flipdiagram against its targets, prints it, and writes bench.json and bench.md.
 
-    python bench/run.py --out out/bench [--quick] [--only plan resolve simulation command]
+    python bench/run.py --out out/bench [--quick] [--only command plan resolve simulation]
 
-It measures and does not judge: the exit code is 0 whatever the verdicts say.
+It measures, others judge: the exit code is 0 whatever the verdicts say.
 """
 
 from __future__ import annotations
@@ -13,36 +13,45 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # `bench` itself, where it is not installed
+from rich.console import Console
 
-from bench import tables
-from bench.results import Section
+ROOT = Path(__file__).resolve().parent.parent
+if str(ROOT) not in sys.path:  # run as a script: only its own folder is there
+    sys.path.insert(0, str(ROOT))
 
-REPETITIONS = {"plan": 7, "resolve": 6, "simulation": 5, "command": 3}
-QUICK = {"plan": 1, "resolve": 1, "simulation": 1, "command": 1}
-"""How often each piece is repeated; `resolve` repeats all linearisations of a plan."""
+from bench import tables  # noqa: E402
+from bench.results import Section  # noqa: E402
+
+REPETITIONS = {"command": 3, "plan": 7, "resolve": 6, "simulation": 5}
+"""How often each piece is measured, once with --quick; `resolve` solves all linearisations of a plan each time."""
+BUSY = 0.5
+"""Load average per core from which other work on the machine is mentioned."""
 
 
-def plan(repetitions: int, quick: bool) -> Iterator[Section]:
-    """Planning from cold."""
+def _command(repetitions: int, quick: bool) -> Iterator[Section]:
+    from bench import command
+
+    yield command.measure(repetitions, quick)
+
+
+def _plan(repetitions: int, quick: bool) -> Iterator[Section]:
     from bench import planning
 
     yield planning.measure(repetitions)
 
 
-def resolve(repetitions: int, quick: bool) -> Iterator[Section]:
-    """A built program solved again."""
+def _resolve(repetitions: int, quick: bool) -> Iterator[Section]:
     from bench import resolve
 
     yield resolve.measure(repetitions)
 
 
-def simulation(repetitions: int, quick: bool) -> Iterator[Section]:
-    """One simulation and its boxes."""
+def _simulation(repetitions: int, quick: bool) -> Iterator[Section]:
     from bench import boxes, loop
     from flipdiagram.planning import plan_motion
     from flipdiagram.scenario import Scenario
@@ -53,65 +62,54 @@ def simulation(repetitions: int, quick: bool) -> Iterator[Section]:
     yield boxes.measure(scenario, motion, repetitions)
 
 
-def command(repetitions: int, quick: bool) -> Iterator[Section]:
-    """The whole command."""
-    from bench import command
-
-    yield command.measure(repetitions, quick)
-
-
 PIECES: dict[str, Callable[[int, bool], Iterator[Section]]] = {
-    "command": command,  # first, while this process is small and has no part in the memory of its children
-    "plan": plan,
-    "resolve": resolve,
-    "simulation": simulation,
+    "command": _command,  # first: Linux counts a parent's memory for its children, and this process is still small
+    "plan": _plan,
+    "resolve": _resolve,
+    "simulation": _simulation,
 }
 
 
 def machine() -> dict[str, Any]:
     """What the numbers depend on."""
-    from importlib.metadata import version
-
     return {
         "cores": os.cpu_count(),
         "load": round(os.getloadavg()[0], 1),
-        "python": platform.python_version(),
-        "drake": version("drake"),
-        "numpy": version("numpy"),
-        "flipdiagram": version("flipdiagram"),
         "system": f"{platform.system()} {platform.machine()}",
+        "python": platform.python_version(),
+        **{name: version(name) for name in ("drake", "numpy", "flipdiagram")},
     }
 
 
-def main() -> None:
+def main(argv: Sequence[str] | None = None) -> None:
     """Measure, print, write."""
     parser = argparse.ArgumentParser(description="Speed of flipdiagram against its targets.")
     parser.add_argument("--out", type=Path, default=Path("out/bench"), help="folder for bench.json and bench.md")
-    parser.add_argument("--quick", action="store_true", help="each piece once: less than 30 s")
+    parser.add_argument("--quick", action="store_true", help="each piece once, less than 30 s in all")
     parser.add_argument("--only", nargs="+", choices=PIECES, default=list(PIECES), help="pieces to measure")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(argv)
 
-    from rich.console import Console
-
-    from flipdiagram.files import write_atomically
-
-    console, begin = Console(), time.perf_counter()
-    width = None if console.is_terminal else tables.WIDTH
-    console = Console(width=width)
-    facts = machine()
-    console.print(", ".join(f"{name} {value}" for name, value in facts.items()), style="dim")
-    sections = []
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=tables.WIDTH)
+    facts, begin = machine(), time.perf_counter()
+    console.print(", ".join(f"{name} {value}" for name, value in facts.items()), style="dim", highlight=False)
+    if facts["load"] > BUSY * facts["cores"]:
+        console.print("the machine is busy with other work: trust ratios, not times", style="yellow")
+    sections: list[Section] = []
     for name in [name for name in PIECES if name in arguments.only]:
-        repetitions = (QUICK if arguments.quick else REPETITIONS)[name]
-        for section in PIECES[name](repetitions, arguments.quick):
+        for section in PIECES[name](1 if arguments.quick else REPETITIONS[name], arguments.quick):
             sections.append(section)
             tables.to_terminal(console, section)
     console.print(tables.verdicts(sections))
+
+    from flipdiagram.files import write_atomically
+
     report = {"schema": "flipdiagram/bench/1", "quick": arguments.quick, "machine": facts}
     report["sections"] = [section.as_dict() for section in sections]
     write_atomically(arguments.out / "bench.json", json.dumps(report, indent=1))
     write_atomically(arguments.out / "bench.md", tables.to_markdown(sections, facts))
-    console.print(f"measured in {time.perf_counter() - begin:.0f} s, written to {arguments.out}")
+    console.print(f"measured in {time.perf_counter() - begin:.0f} s, written to {arguments.out}", highlight=False)
 
 
 if __name__ == "__main__":

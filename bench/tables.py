@@ -31,7 +31,7 @@ def rows(section: Section) -> Iterable[tuple[Measurement, list[str]]]:
     whole = section.whole.median if section.whole else None
     for m in section.measurements:
         spread = [quantity(value, m.unit, m.median) for value in (m.median, min(m.values), max(m.values))]
-        share = f"{100 * m.median / whole:.0f} %" if whole and m.unit == "s" else ""
+        share = f"{100 * m.median / whole:.0f} %" if whole and (m is section.whole or m.indent) else ""
         target = f"{m.target.relation} {quantity(m.target.value, m.unit)}" if m.target else ""
         yield m, [*spread, share, target, m.verdict or ""]
 
@@ -50,7 +50,7 @@ def to_terminal(console: Console, section: Section) -> None:
         table.add_row(name, *cells[:-1], verdict)
     notes = [Text(f"✓ {note}" if "NOT" not in note else f"! {note}", style="dim") for note in section.checks]
     console.rule(f"[bold]{escape(section.title)}", align="left", style="dim")
-    console.print(Padding(Group(Text(section.text, style="italic dim"), "", table, "", *notes), (0, 0, 1, 2)))
+    console.print(Padding(Group(Text(section.text, style="dim"), "", table, "", *notes), (0, 0, 1, 2)))
 
 
 def verdicts(sections: Iterable[Section]) -> Table:

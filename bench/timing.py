@@ -31,16 +31,15 @@ def ratios(a: list[float], b: list[float]) -> list[float]:
 
 
 class SelfTimes:
-    """Wall time and calls of wrapped functions by name, each without the wrapped functions called inside it."""
+    """Wall time of wrapped functions by name, each without the wrapped functions called inside it."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
         self.seconds: dict[str, float] = {}
-        self.calls: dict[str, int] = {}
-        self._inside: list[float] = []
+        self._clock, self._inside = clock, list[float]()
 
     def wrap(self, function: Callable[..., Any], name: Callable[[], str]) -> Callable[..., Any]:
         """The function with a clock; `name` is asked at each call, as a system gets its name after its callbacks."""
-        clock, inside, seconds, calls = time.perf_counter, self._inside, self.seconds, self.calls
+        clock, inside, seconds = self._clock, self._inside, self.seconds
 
         def with_clock(*arguments: Any, **options: Any) -> Any:
             begin = clock()
@@ -54,7 +53,6 @@ class SelfTimes:
                     inside[-1] += elapsed
                 key = name()
                 seconds[key] = seconds.get(key, 0.0) + own
-                calls[key] = calls.get(key, 0) + 1
 
         return with_clock
 
@@ -62,7 +60,6 @@ class SelfTimes:
         """The seconds by name since the last `take`; starts again from zero."""
         seconds = dict(self.seconds)
         self.seconds.clear()
-        self.calls.clear()
         return seconds
 
     @contextmanager

@@ -115,9 +115,7 @@ class ArmModel:
             Expression: self.plant.ToSymbolic,
         }.get(scalar)
         if convert is None:
-            raise ScenarioError(
-                f"scalar type {scalar!r} is not valid; choose from float, AutoDiffXd, Expression"
-            )
+            raise ScenarioError(f"scalar type {scalar!r} is not valid; choose from float, AutoDiffXd, Expression")
         model = copy.copy(self)
         model._bind(convert(), scalar)
         return model
@@ -141,7 +139,7 @@ class ArmModel:
         X_WC = self._control_point.CalcPoseInWorld(self._context)
         R = X_WC.rotation().matrix()
         V_WC = self._control_point.CalcSpatialVelocityInWorld(self._context).get_coeffs()
-        return task_space.coordinates(R, X_WC.translation()), task_space.rate_map(R) @ V_WC
+        return task_space.coordinates(R, X_WC.translation()), task_space.product(task_space.rate_map(R), V_WC)
 
     def task_kinematics(self, q: ArrayLike, qd: ArrayLike) -> tuple[Array, Array, Array, Array]:
         """x (6,), v (6,), J (6, n), bias (6,) with v = J qd, a = J qdd + bias; q, qd (n,) [rad, rad/s].
@@ -153,8 +151,8 @@ class ArmModel:
         A_bias = self.plant.CalcBiasSpatialAcceleration(
             self._context, JacobianWrtVariable.kV, self._control_point, self._zero3, self._world, self._world
         )
-        v = J @ qd
-        bias = N @ A_bias.get_coeffs()
+        v = task_space.product(J, qd)
+        bias = task_space.product(N, A_bias.get_coeffs())
         theta, pitch, yaw = task_space.rate_bias(R, v)
         bias[2] += theta
         bias[4] += pitch
@@ -168,7 +166,7 @@ class ArmModel:
         J_V = self.plant.CalcJacobianSpatialVelocity(
             self._context, JacobianWrtVariable.kV, self._control_point, self._zero3, self._world, self._world
         )
-        return task_space.coordinates(R, X_WC.translation()), R, N, N @ J_V
+        return task_space.coordinates(R, X_WC.translation()), R, N, task_space.product(N, J_V)
 
     # Dynamics: M(q) qdd + C(q, qd) qd + gravity_torque(q) = tau; reflected inertia in M, no joint friction
 
@@ -190,9 +188,7 @@ class ArmModel:
 
     # Inverse kinematics: the searches are in inverse_kinematics.py
 
-    def inverse_kinematics(
-        self, x_task: ArrayLike, q_seed: ArrayLike | None = None, tol: float = 1e-10
-    ) -> Array:
+    def inverse_kinematics(self, x_task: ArrayLike, q_seed: ArrayLike | None = None, tol: float = 1e-10) -> Array:
         """Joint angles q (n,) [rad] of the task pose x_task (6,), on the branch of the seed, error below tol.
 
         The search starts from q_seed (default `home`), then from `home`, each time first directly, then along

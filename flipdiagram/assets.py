@@ -47,8 +47,8 @@ def arm_urdf(
     """URDF text of the arm with its numbers scaled; `file` is a URDF of the user's own (default: mh3f.urdf).
 
     link_inertia_scale multiplies mass and inertia of every link, reflected_inertia_scale every rotor inertia,
-    speed_scale every velocity limit, torque_scale every effort limit (the peak; friction is a fraction of the rated torque, which stays). Numbers without unit,
-    above 0 (reflected_inertia_scale: 0 too).
+    speed_scale every velocity limit, torque_scale every effort limit (the peak; friction is a fraction of the
+    rated torque, which stays). Numbers without unit, above 0 (reflected_inertia_scale: 0 too).
     """
     root = _parse(model_path("mh3f.urdf") if file is None else Path(file))
     for name, scale, path, attributes in (
@@ -121,11 +121,7 @@ def spatula_urdf(
         if tool_length is None
         else check_positive("tool_length", tool_length)
     )
-    total = (
-        float(_attribute(root, "link/inertial/mass", "value"))
-        if mass is None
-        else check_positive("mass", mass)
-    )
+    total = float(_attribute(root, "link/inertial/mass", "value")) if mass is None else check_positive("mass", mass)
     handle = length - size[0] / 2
     if handle <= 0:
         raise ScenarioError(

@@ -70,9 +70,7 @@ def path(arm: Kinematics, targets: Array, first: Array, tol: float, *, check_lim
         if q is None or np.abs(q - qs[k - 1]).max() > STEP_MAX:
             q = along_line(arm, targets[k], qs[k - 1], tol)
         if q is None:
-            raise PlanningError(
-                f"the arm cannot follow the path at sample {k}: {task_space.describe(targets[k])}"
-            )
+            raise PlanningError(f"the arm cannot follow the path at sample {k}: {task_space.describe(targets[k])}")
         qs[k] = q
     inside = _inside(arm, qs).all(axis=1)
     if check_limits and not inside.all():

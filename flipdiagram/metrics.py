@@ -14,6 +14,8 @@ CONTACT_FORCE = 1e-6
 """Force [N] from which two bodies count as touching."""
 APART = 0.005
 """Seconds without contact after which the block counts as released."""
+RELEASE_TOLERANCE = 0.1
+"""How far [rad] short of π/2 the tool may be at the last contact: it lags behind a plan that may release at π/2."""
 VIBRATION_WINDOW = 0.2
 """Seconds after the end of the trajectory in which endpoint vibration is measured."""
 LARGEST_DELAY = 0.1
@@ -83,12 +85,12 @@ def release_index(data: Recording) -> int:
 def judge(data: Recording) -> tuple[bool, str | None]:
     """Success as the paper defines it, from the simulated block alone, and the reason of a failure.
 
-    The block must stay on the blade until the tool has turned beyond π/2, condition (7) of the plan, and touch the
-    table at an angle between π/2 and 3π/2.
+    The block must stay on the blade until the tool has turned to π/2, condition (7) of the plan (less
+    `RELEASE_TOLERANCE`), and touch the table at an angle between π/2 and 3π/2.
     """
     time, landed, k = data["time"].values, touchdown(data), release_index(data)
     blade = touching(data, "table-blade") & (time >= 0) & (time <= time[k])
-    if data["x"].values[k, 2] <= np.pi / 2:
+    if data["x"].values[k, 2] <= np.pi / 2 - RELEASE_TOLERANCE:
         hit = f"blade hit the table at {time[np.argmax(blade)]:.3f} s, " if blade.any() else ""
         return False, f"{hit}dropped at {time[k]:.3f} s"
     if landed is None:

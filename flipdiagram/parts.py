@@ -14,7 +14,6 @@ from pydrake.multibody.tree import RigidBody
 from flipdiagram.arm import ArmModel
 from flipdiagram.assembly import ArmHandles, add_arm
 from flipdiagram.assets import block_sdf, spatula_urdf, table_sdf
-from flipdiagram.errors import ScenarioError
 from flipdiagram.scenario import Scenario
 
 
@@ -44,25 +43,11 @@ def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
         hunt_crossley_dissipation=physics.dissipation,
     )
     (block_model,) = Parser(plant).AddModelsFromString(block, "sdf")
-    (table_model,) = Parser(plant).AddModelsFromString(table_sdf(friction=table_coefficient(scenario)), "sdf")
+    (table_model,) = Parser(plant).AddModelsFromString(table_sdf(friction=scenario.table.friction), "sdf")
     table = plant.GetBodyByName("table", table_model)
     top: Any = np.array([scenario.task.start_x, scenario.task.target_y, scenario.table.height])
     plant.WeldFrames(plant.world_frame(), table.body_frame(), RigidTransform(top))
     return Parts(arm, plant.GetBodyByName("block", block_model), table)
-
-
-def table_coefficient(scenario: Scenario) -> float:
-    """The table's own friction coefficient, for which Drake's combination 2 a b / (a + b) is the scenario's.
-
-    Raises ScenarioError where there is none: the combination stays below twice the block's own.
-    """
-    wanted, block = scenario.table.friction, scenario.object.friction
-    if wanted >= 2 * block:
-        raise ScenarioError(
-            f"scenario field 'table.friction' = {wanted} must be below twice object.friction = {block}"
-            " (Drake combines two coefficients a, b as 2 a b / (a + b))"
-        )
-    return wanted * block / (2 * block - wanted)
 
 
 def _arm_options(scenario: Scenario) -> dict[str, Any]:

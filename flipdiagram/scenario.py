@@ -21,6 +21,7 @@ from pydantic import Field, model_validator
 from flipdiagram import scenario_io
 from flipdiagram.errors import ScenarioError
 from flipdiagram.scenario_io import Section, invalid, quantity
+from flipdiagram.scenario_one_dof import Frequency, OneDof, check_nyquist
 
 JOINTS = ("S", "L", "U", "R", "B", "T")
 ARCHITECTURES = ("pd", "pd+ff", "pd+dob", "pd+ff+dob")
@@ -30,9 +31,7 @@ Architecture = Literal["pd", "pd+ff", "pd+dob", "pd+ff+dob"]
 class Arm(Section):
     """The robot: Motoman MH3F, geometry and limits from urdf/mh3f.urdf."""
 
-    link_inertia_scale: float = quantity(
-        1.0, "1", "factor on every link's mass and inertia (our estimates)", gt=0
-    )
+    link_inertia_scale: float = quantity(1.0, "1", "factor on every link's mass and inertia (our estimates)", gt=0)
     reflected_inertia_scale: float = quantity(
         2.0,
         "1",
@@ -50,9 +49,7 @@ class JointFriction(Section):
     """
 
     coulomb: float = quantity(0.10, "rated torque", "Coulomb friction, fraction of rated torque", ge=0)
-    viscous: float = quantity(
-        0.033, "rated torque per rad/s", "viscous friction, fraction of rated torque", ge=0
-    )
+    viscous: float = quantity(0.033, "rated torque per rad/s", "viscous friction, fraction of rated torque", ge=0)
     transition_velocity: float = quantity(
         0.06, "rad/s", "velocity over which the Coulomb friction changes sign (tanh)", gt=0
     )
@@ -82,7 +79,9 @@ class Table(Section):
     """The plane on which the block lands."""
 
     height: float = quantity(0.20, "m", "height of its surface above the robot's base (o)", ge=-1, le=2)
-    friction: float = quantity(1.0, "1", "friction coefficient between block and table (o)", gt=0)
+    friction: float = quantity(
+        0.7, "1", "friction coefficient of its surface, combined with another one as 2 a b / (a + b) (o)", gt=0
+    )
 
 
 class Task(Section):
@@ -117,33 +116,19 @@ class Planner(Section):
     alpha: float = quantity(20.0, "1/m2", "weight of the landing place in (5) (p)", ge=0)
     beta: float = quantity(0.5, "s2/m2", "weight of the landing velocity in (5) (p)", ge=0)
     sampling_time: float = quantity(0.02, "s", "sampling time ΔT of the prediction model (2) (o)", gt=0)
-    contact_samples: tuple[int, int] = quantity(
-        (10, 30), "samples", "contact samples searched, (fewest, most) (o)"
-    )
-    flight_samples: tuple[int, int] = quantity(
-        (4, 20), "samples", "flight samples searched, (fewest, most) (o)"
-    )
-    brake_samples: int = quantity(
-        12, "samples", "samples in which the tool brakes after the release (o)", ge=2
-    )
-    release_angle: float = quantity(
-        0.05, "rad", "how far beyond π/2 the tool must turn before it releases", ge=0
-    )
-    friction_margin: float = quantity(
-        0.2, "1", "fraction of the friction coefficient not used by the plan", ge=0, lt=1
-    )
+    contact_samples: tuple[int, int] = quantity((10, 30), "samples", "contact samples searched, (fewest, most) (o)")
+    flight_samples: tuple[int, int] = quantity((4, 20), "samples", "flight samples searched, (fewest, most) (o)")
+    brake_samples: int = quantity(12, "samples", "samples in which the tool brakes after the release (o)", ge=2)
+    release_angle: float = quantity(0.05, "rad", "how far beyond π/2 the tool must turn before it releases", ge=0)
+    friction_margin: float = quantity(0.2, "1", "fraction of the friction coefficient not used by the plan", ge=0, lt=1)
     minimum_normal: float = quantity(1.0, "m/s2", "least normal force per mass while in contact", ge=0)
     support_margin: float = quantity(
         0.2, "1", "fraction of the half-length the centre of pressure stays away", ge=0, lt=1
     )
     position_margin: float = quantity(0.05, "rad", "distance to the joint position limits", ge=0)
     speed_margin: float = quantity(0.05, "1", "fraction of the joint speeds not used by the plan", ge=0, lt=1)
-    torque_margin: float = quantity(
-        0.2, "1", "fraction of the joint torques left to the feedback", ge=0, lt=1
-    )
-    separation_acceleration: float = quantity(
-        5.0, "m/s2", "least acceleration of the blade away from the block", gt=0
-    )
+    torque_margin: float = quantity(0.2, "1", "fraction of the joint torques left to the feedback", ge=0, lt=1)
+    separation_acceleration: float = quantity(5.0, "m/s2", "least acceleration of the blade away from the block", gt=0)
     separation_gap: float = quantity(0.01, "m", "gap between blade and block once separated", gt=0)
     table_clearance: float = quantity(0.01, "m", "least distance of blade and table", ge=0)
     smoothing: float = quantity(
@@ -208,15 +193,11 @@ class Simulation(Section):
         "similar",
         description="discrete contact approximation of the plant (lagged loses friction at a patch edge)",
     )
-    step: float = quantity(
-        0.001, "s", "time step of the plant; the controller period over a power of two", gt=0
-    )
+    step: float = quantity(0.001, "s", "time step of the plant; the controller period over a power of two", gt=0)
     hydroelastic_modulus: float = quantity(1e6, "Pa", "stiffness of the rubber block (o)", gt=0)
     dissipation: float = quantity(20.0, "s/m", "Hunt-Crossley dissipation of the block (o)", ge=0)
     hold_time: float = quantity(2.0, "s", "hold at the start until the observer has settled (o)", ge=0)
-    settle_time: float = quantity(
-        0.4, "s", "simulated after the plan has ended and the block should lie", ge=0
-    )
+    settle_time: float = quantity(0.4, "s", "simulated after the plan has ended and the block should lie", ge=0)
 
 
 class Scenario(Section):
@@ -232,9 +213,12 @@ class Scenario(Section):
     controller: Controller = Controller()
     sensors: Sensors = Sensors()
     simulation: Simulation = Simulation()
+    one_dof: OneDof = OneDof()
+    frequency: Frequency = Frequency()
 
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:
+        check_nyquist(self.one_dof, self.frequency)
         ratio = self.controller.period / self.simulation.step
         if ratio < 1 or not math.log2(ratio).is_integer():
             # other ratios make Drake split one instant into two ordered events
@@ -243,9 +227,7 @@ class Scenario(Section):
         for edge, side in (("length", "blade_width"), ("width", "blade_length")):
             most = getattr(self.tool, side)
             if getattr(self.object, edge) > most:
-                raise invalid(
-                    f"object.{edge}", getattr(self.object, edge), f"at most tool.{side} = {most} [m]"
-                )
+                raise invalid(f"object.{edge}", getattr(self.object, edge), f"at most tool.{side} = {most} [m]")
         return self
 
     def with_overrides(self, overrides: Mapping[str, Any]) -> Scenario:
@@ -278,7 +260,5 @@ def load(path: str | os.PathLike[str]) -> Scenario:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise ScenarioError(
-            f"scenario file {str(path)!r} cannot be read: {reason}; valid is a YAML file"
-        ) from None
+        raise ScenarioError(f"scenario file {str(path)!r} cannot be read: {reason}; valid is a YAML file") from None
     return from_yaml(text, f"scenario file {str(path)!r}")

@@ -22,7 +22,7 @@ from flipdiagram.errors import PlanningError
 
 AXES = ("y", "z", "theta", "x", "pitch", "yaw")
 UNITS = ("m", "m", "rad", "m", "rad", "rad")
-ANGLES = (2, 4, 5)  # which of AXES are angles
+TURNS_PER_UNIT = np.array([0, 0, 1, 0, 1, 1]) / (2 * math.pi)  # of AXES: lengths have no turns
 COS_PITCH_MIN = 1e-6  # below, theta and yaw turn about the same axis
 
 Array = NDArray[Any]
@@ -62,9 +62,7 @@ def rate_map(R: Array) -> Array:
     if type(r00) is float:
         cos_pitch = math.hypot(r00, r10)
         if cos_pitch < COS_PITCH_MIN:
-            raise PlanningError(
-                "the tool points straight up or down (pitch +-90 deg), where theta and yaw are one"
-            )
+            raise PlanningError("the tool points straight up or down (pitch +-90 deg), where theta and yaw are one")
         N = np.zeros((6, 6))
     else:
         cos_pitch = drake_math.sqrt(r00 * r00 + r10 * r10)
@@ -86,12 +84,18 @@ def rate_bias(R: Array, v: Array) -> tuple[Any, Any, Any]:
     return theta, -yaw_rate * theta_rate * cos_pitch, pitch_rate * theta_rate * cos_pitch - r20 * theta
 
 
+def product(A: Array, B: Array) -> Array:
+    """A @ B, for numbers, AutoDiffXd and Expression alike."""
+    if A.dtype != object:
+        return A @ B
+    with np.errstate(invalid="ignore"):  # Drake keeps symbolic expressions in NaNs, which NumPy takes for errors
+        return A @ B
+
+
 def difference(target: Array, x: Array) -> Array:
     """target - x with the angles taken the short way round, shape (..., 6)."""
     error = target - x
-    for i in ANGLES:
-        error[..., i] -= 2 * math.pi * np.round(error[..., i] / (2 * math.pi))
-    return error
+    return error - 2 * math.pi * np.rint(error * TURNS_PER_UNIT)
 
 
 def describe(x: Array) -> str:

@@ -51,9 +51,11 @@ class Geometry:
         """k² = I_θ / m of the block about the axis of the motion [m²]."""
         return (self.half_length**2 + self.half_thickness**2) / 3
 
-    def lowest(self, theta: float) -> float:
-        """Depth of the block's lowest corner below its centre at angle θ [m]."""
-        return self.half_length * abs(np.sin(theta)) + self.half_thickness * abs(np.cos(theta))
+    def depth(self, theta: float) -> tuple[float, float]:
+        """Depth of the block's lowest corner below its centre at angle θ [m], and its derivative [m/rad]."""
+        s, c = np.sin(theta), np.cos(theta)
+        along, across = np.copysign(self.half_length, s), np.copysign(self.half_thickness, c)
+        return float(along * s + across * c), float(along * c - across * s)
 
 
 @dataclass(frozen=True)
@@ -135,18 +137,20 @@ def clearance_rows(rows: Rows, layout: Layout, point: Trajectory, scenario: Scen
 def separation_rows(rows: Rows, layout: Layout, point: Trajectory, scenario: Scenario) -> None:
     """Once released, both lower corners of the flying block stay on their side of the blade's plane.
 
-    The gap demanded grows as ½ a_sep t² up to `separation_gap`.  After touch-down the block is taken to stay put.
+    The gap demanded grows as ½ a_sep t² up to `separation_gap`.  The block is taken to stay where it touches down, the
+    tool where it comes to rest, whichever is first.
     """
     geometry, planner, dt = Geometry.of(scenario), scenario.planner, point.sampling_time
     h, r = geometry.half_thickness, layout.release
-    j = np.arange(1, layout.n_brake + 1)
+    j = np.arange(1, max(layout.n_brake, point.n_flight) + 1)
+    at = np.minimum(r + j, layout.intervals)
     time = np.minimum(j, point.n_flight) * dt
     gap = np.minimum(planner.separation_gap, planner.separation_acceleration * (j * dt) ** 2 / 2)
     released = point.states[r]
     block = released[:2] + np.outer(time, released[3:5])
     block[:, 1] += GRAVITY_Z * time**2 / 2
     block_angle = released[2] + released[5] * time
-    tool, angle = point.states[r + j, :2], point.states[r + j, 2]
+    tool, angle = point.states[at, :2], point.states[at, 2]
     n, s = tool_normal(angle), tool_tangent(angle)
     for side in (1, -1):
         arm = side * geometry.half_length * tool_tangent(block_angle) - h * tool_normal(block_angle)
@@ -158,8 +162,7 @@ def separation_rows(rows: Rows, layout: Layout, point: Trajectory, scenario: Sce
             (layout.x(r, 0), n[:, 0]), (layout.x(r, 1), n[:, 1]),
             (layout.x(r, 3), n[:, 0] * time), (layout.x(r, 4), n[:, 1] * time),
             (layout.x(r, 2), by_block_angle), (layout.x(r, 5), by_block_angle * time),
-            (layout.x(r + j, 0), -n[:, 0]), (layout.x(r + j, 1), -n[:, 1]),
-            (layout.x(r + j, 2), by_tool_angle),
+            (layout.x(at, 0), -n[:, 0]), (layout.x(at, 1), -n[:, 1]), (layout.x(at, 2), by_tool_angle),
         ]  # fmt: skip
         value = np.sum(offset * n, axis=-1) + h
         at_point = np.sum((block - np.array([0, GRAVITY_Z / 2]) * time[:, None] ** 2 - tool) * n, axis=-1)
@@ -184,8 +187,10 @@ def flight_rows(rows: Rows, layout: Layout, point: Trajectory, scenario: Scenari
         rows.add(CLEARANCE, terms, height - slope * theta + GRAVITY_Z * time**2 / 2 - scenario.table.height)
 
 
-def landing_height(point: Trajectory, layout: Layout, scenario: Scenario) -> float:
-    """Height of the block's centre at touch-down for the angle at which the last trajectory lands [m]."""
+def landing_row(layout: Layout, point: Trajectory, scenario: Scenario) -> tuple[Floats, float]:
+    """The block's lowest corner meets the table at touch-down: row (6,) and bound with row · x̂(release) = bound."""
     matrix, offset = flight(point.n_flight * point.sampling_time)
-    landing = matrix @ point.states[layout.release] + offset
-    return scenario.table.height + Geometry.of(scenario).lowest(float(landing[2]))
+    theta = float((matrix @ point.states[layout.release] + offset)[2])
+    depth, slope = Geometry.of(scenario).depth(theta)
+    at_landing = np.array([0.0, 1.0, -slope, 0.0, 0.0, 0.0])
+    return at_landing @ matrix, float(scenario.table.height + depth - slope * theta - at_landing @ offset)

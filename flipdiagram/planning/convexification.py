@@ -143,8 +143,8 @@ class Convexification:
         if elastic and self._elastic is None:
             self._elastic = self._build(GROUPS)
         program = self._elastic if elastic and self._elastic is not None else self._program
-        height = constraints.landing_height(point, self.layout, self.scenario)
-        program.update(self.start, point.n_contact, point.n_flight, height, rows, point.states[:, :3], trust)
+        landing = constraints.landing_row(self.layout, point, self.scenario)
+        program.update(self.start, point.n_contact, point.n_flight, landing, rows, point.states[:, :3], trust)
         solution = program.solve()
         self.program_times.append(solution.solve_time)
         return solution, motion

@@ -26,7 +26,7 @@ from pydrake.solvers import (
     SolverInterface,
 )
 
-from flipdiagram.contact import GRAVITY_Z, Floats
+from flipdiagram.contact import Floats
 from flipdiagram.errors import ScenarioError
 from flipdiagram.planning.horizon import STATES, Layout
 from flipdiagram.planning.model import LandingCost, flight, transition
@@ -53,7 +53,7 @@ def make_solver(name: str) -> SolverInterface:
     """Drake's solver of that name; raises ScenarioError where this Drake lacks it or its licence."""
     solver = _SOLVERS[name]()
     if not (solver.available() and solver.enabled()):
-        usable = [n for n, kind in _SOLVERS.items() if kind.is_available() and kind.is_enabled()]
+        usable = [n for n, kind in _SOLVERS.items() if kind().available() and kind().enabled()]
         raise ScenarioError(
             f"scenario field 'planner.solver' = {name!r} cannot be used here (not built in, or no licence);"
             f" valid is {', '.join(usable)}"
@@ -87,7 +87,7 @@ class HorizonProgram:
         elastic_groups: Sequence[str] = (),
     ) -> None:
         self.layout, self.sampling_time, self.cost = layout, sampling_time, cost
-        self._solver, self._solver_name = make_solver(solver), solver
+        self._solver = make_solver(solver)
         self._groups = list(elastic_groups)
         self._units = layout.units()
         prog = self.prog = MathematicalProgram()
@@ -105,7 +105,7 @@ class HorizonProgram:
         released = self._z[layout.x(layout.release, 0) : layout.x(layout.release, 0) + STATES]
         self._released_units = self._units[layout.x(layout.release, 0) : layout.x(layout.release, 0) + STATES]
         self._landing_cost = prog.AddQuadraticCost(np.eye(STATES), np.zeros(STATES), 0.0, released, is_convex=True)
-        self._landing = prog.AddLinearEqualityConstraint(np.ones((1, 2)), np.zeros(1), released[[1, 4]])
+        self._landing = prog.AddLinearEqualityConstraint(np.ones((1, STATES)), np.zeros(1), released)
         self._matrix, self._upper = sp.csc_matrix((1, layout.size)), np.ones(1)
 
     def _add_dynamics(self) -> None:
@@ -135,10 +135,13 @@ class HorizonProgram:
             self.prog.AddQuadraticCost(gram * scale**2, np.zeros(n), 0.0, self._z[columns], is_convex=True)
 
     def update(
-        self, start: Floats, n_contact: int, n_flight: int, landing_height: float, rows: Rows,
+        self, start: Floats, n_contact: int, n_flight: int, landing: tuple[Floats, float], rows: Rows,
         near: Floats, trust: float,
     ) -> None:  # fmt: skip
-        """New numbers: start (6,), horizon, landing height [m], rows, trust radius [rad] about `near` (N + 1, 3)."""
+        """New numbers: start (6,), horizon, landing row on x̂(release) and its bound, rows, trust about `near`.
+
+        Trust is the radius [rad] in which θ may move about `near` (N + 1, 3); y and z move by `TRUST_LENGTH` times it.
+        """
         layout, dt = self.layout, self.sampling_time
         low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
         samples = np.arange(1, layout.intervals + 1)
@@ -164,8 +167,8 @@ class HorizonProgram:
         self._landing_cost.evaluator().UpdateCoefficients(
             2 * map_.T @ map_, 2 * map_.T @ residual, float(residual @ residual), is_convex=True
         )
-        fall = np.array([[1.0, n_flight * dt]]) * self._released_units[[1, 4]]
-        self._landing.evaluator().UpdateCoefficients(fall, [landing_height - GRAVITY_Z * (n_flight * dt) ** 2 / 2])
+        row, bound = landing
+        self._landing.evaluator().UpdateCoefficients((row * self._released_units)[None, :], [bound])
 
         self._matrix, self._upper = rows.matrix(layout.size)
         scaled = self._matrix @ sp.diags(self._units)
@@ -178,13 +181,10 @@ class HorizonProgram:
             scaled = sp.hstack([scaled, slack])
         self._rows.evaluator().UpdateCoefficients(sp.csc_matrix(scaled), np.full(rows.count, -np.inf), self._upper)
 
-    def solve(self, guess: Floats | None = None) -> Solution:
-        """Solve with the current numbers; `guess` [SI] warms up solvers that can use it."""
+    def solve(self) -> Solution:
+        """Solve with the current numbers."""
         begin = time.perf_counter()
-        start = None
-        if guess is not None:
-            start = np.concatenate([guess / self._units, np.zeros(len(self._groups))])
-        result = self._solver.Solve(self.prog, start, None)
+        result = self._solver.Solve(self.prog, None, None)
         elapsed = time.perf_counter() - begin
         z = result.GetSolution(self._z)
         w = self._units * z

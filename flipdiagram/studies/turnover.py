@@ -12,6 +12,7 @@ import xarray as xr
 from flipdiagram import metrics
 from flipdiagram.controller import check_architecture
 from flipdiagram.files import atomic_path, write_atomically, write_summary
+from flipdiagram.loop import build_loop
 from flipdiagram.metrics import FlipMetrics
 from flipdiagram.parallel import Workers
 from flipdiagram.planning import Plan, plan_motion
@@ -84,6 +85,9 @@ def run(
         shorter = min(QUICK_HOLD, scenario.simulation.hold_time)
         scenario = scenario.with_overrides({"simulation.hold_time": shorter})
     folder = Path(out)
+    build_loop(
+        scenario, architectures[0]
+    )  # what is wrong with the scenario shows before anything is computed or written
     with Workers(jobs) as workers:
         # the workers import Drake while this process plans
         workers.warm_up(_import_only, min(jobs or len(architectures), len(architectures)))
