@@ -61,12 +61,14 @@ python:
 	  '$(PYTHON)' -m venv --clear $(VENV); \
 	fi
 
-# Programs that tests of single features need: graphviz's dot draws diagrams, chromium opens the replay.
+# What tests of single features need: graphviz's dot draws diagrams, chromium opens the replay, Mesa renders snapshots.
 programs:
 	@missing=; \
 	command -v dot >/dev/null || missing="$$missing graphviz"; \
 	command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null \
 	  || missing="$$missing chromium"; \
+	ls /usr/lib/*/libEGL_mesa.so.0 /usr/lib*/libEGL_mesa.so.0 2>/dev/null | grep -q . \
+	  || missing="$$missing libegl1 libegl-mesa0 libgl1-mesa-dri"; \
 	[ -n "$$missing" ] || exit 0; \
 	if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 	  echo "installing for the tests:$$missing"; \
