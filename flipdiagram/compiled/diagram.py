@@ -1,0 +1,143 @@
+"""``compile_diagram``: a Drake Diagram as a native loop over many channels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Literal, overload
+
+from numpy.typing import ArrayLike
+
+from flipdiagram.compiled.batch import BatchDiagram
+from flipdiagram.compiled.check import check as check_against_drake
+from flipdiagram.compiled.emit import print_source
+from flipdiagram.compiled.errors import NotCompilable
+from flipdiagram.compiled.fallback import SimulatedDiagram
+from flipdiagram.compiled.kernel import load_kernel
+from flipdiagram.compiled.layout import Floats, Indices, Layout, lay_out
+from flipdiagram.compiled.linear import Linearization, linearize
+from flipdiagram.compiled.read import Program, read_program
+from flipdiagram.compiled.structure import flatten
+from flipdiagram.compiled.threads import advance
+from flipdiagram.errors import ScenarioError
+
+
+class CompiledDiagram(BatchDiagram):
+    """A diagram as machine code; made by ``compile_diagram``.
+
+    ``source`` is the Python text it was compiled from, ``from_cache`` whether that had been done before.
+    """
+
+    def __init__(self, layout: Layout, program: Program, cache: bool = True) -> None:
+        super().__init__(layout, program.period, program.offset, program.inputs_used())
+        self.program = program
+        self.source = print_source(program)
+        self._kernel, self.from_cache = load_kernel(self.source, cache)
+
+    def linearize(
+        self,
+        state: Mapping[str, ArrayLike] | ArrayLike | None = None,
+        parameters: Mapping[str, ArrayLike] | None = None,
+        inputs: Mapping[str, ArrayLike] | None = None,
+        tick: int = 0,
+    ) -> Linearization:
+        """A, B, C, D about a point of one channel, exact to rounding; inputs not given are 0.
+
+        The derivative of the branch taken, for choices (min, max, if-then-else); 0 for steps (floor, ceil).
+        """
+        point = self.operating_point(parameters, state, inputs)
+        return linearize(self.program, self.layout, *point, int(tick))
+
+    def _advance(
+        self,
+        ticks: Indices,
+        start: Indices,
+        state: Floats,
+        parameters: Floats,
+        series: Floats,
+        every: int,
+        column: Indices,
+        log: Floats,
+        threads: int | None,
+        progress: Callable[[float], None] | None,
+    ) -> None:
+        signals = self.layout.outputs.size + self.layout.states.size
+        advance(self._kernel, ticks, start, state, parameters, series, every, signals, column, log, threads, progress)
+
+
+@overload
+def compile_diagram(
+    diagram: Any,
+    *,
+    tie: Mapping[str, Sequence[str]] | None = None,
+    fallback: Literal[False] = False,
+    check: int = 200,
+    cache: bool = True,
+) -> CompiledDiagram: ...
+
+
+@overload
+def compile_diagram(
+    diagram: Any,
+    *,
+    tie: Mapping[str, Sequence[str]] | None = None,
+    fallback: bool,
+    period: float | None = None,
+    check: int = 200,
+    cache: bool = True,
+) -> CompiledDiagram | SimulatedDiagram: ...
+
+
+def compile_diagram(
+    diagram: Any,
+    *,
+    tie: Mapping[str, Sequence[str]] | None = None,
+    fallback: bool = False,
+    period: float | None = None,
+    check: int = 200,
+    cache: bool = True,
+) -> CompiledDiagram | SimulatedDiagram:
+    """Compile any Drake Diagram whose blocks convert to symbolic and share one period.
+
+    >>> from pydrake.systems.framework import DiagramBuilder
+    >>> from pydrake.systems.primitives import Gain, LinearSystem
+    >>> builder = DiagramBuilder()
+    >>> plant = builder.AddNamedSystem("plant", LinearSystem([[1.0]], [[0.5]], [[1.0]], [[0.0]], 0.1))
+    >>> gain = builder.AddNamedSystem("gain", Gain(-0.5, 1))
+    >>> _ = builder.Connect(plant.get_output_port(), gain.get_input_port())
+    >>> _ = builder.Connect(gain.get_output_port(), plant.get_input_port())
+    >>> _ = builder.ExportOutput(plant.get_output_port(), "y")
+    >>> compiled = compile_diagram(builder.Build())
+    >>> run = compiled.run(2, state={"plant": [1.0, 2.0, 3.0]}, log=["y"])  # three channels, two ticks
+    >>> run.state["plant"].T
+    array([[0.5625, 1.125 , 1.6875]])
+    >>> run.log["y"][0].T
+    array([[1.    , 0.75  , 0.5625]])
+    >>> compiled.linearize().poles().real
+    array([0.75])
+
+    Each channel has its own state, numeric parameters and inputs; time, random parameters and trigonometry are no
+    obstacle. A parameter is called by block and group, ``"pd.0"`` (in a sub-diagram ``"controller::pd.0"``), or, if the
+    block has an attribute ``numeric_parameter_names``, by name: ``"pd.k_p"``. Inputs and outputs are those exported.
+
+    ``tie``: a name of your own for several parameters that are always equal, such as ``{"omega": ["command.0",
+    "meter.1"]}``; what is computed from them is then computed once.
+    ``fallback``: a diagram that has no compiled form is run by Drake's Simulator, one channel at a time; ``period`` [s]
+    is its tick if its blocks share none.
+    ``check``: updates to compare with Drake's Simulator before the diagram is handed over (0: none).
+    ``cache``: keep the machine code in the user's cache folder.
+
+    Raises NotCompilable (a ScenarioError), which names the block and the reason: no symbolic form, continuous or
+    abstract state, several periods, an expression without printed form, or a result other than Drake's.
+    """
+    if check < 0:
+        raise ScenarioError(f"check = {check}; it must be >= 0")
+    layout = lay_out(flatten(diagram), tie)
+    try:
+        compiled = CompiledDiagram(layout, read_program(layout), cache)
+        if check:
+            check_against_drake(compiled, check)
+        return compiled
+    except NotCompilable:
+        if not fallback:
+            raise
+        return SimulatedDiagram(layout, period)

@@ -1,0 +1,90 @@
+"""The same interface on Drake's Simulator: any diagram, one channel after another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+import numpy as np
+from pydrake.systems.analysis import Simulator
+
+from flipdiagram.compiled.batch import BatchDiagram
+from flipdiagram.compiled.errors import NotCompilable
+from flipdiagram.compiled.layout import Floats, Indices, Layout
+from flipdiagram.compiled.structure import common_timing
+from flipdiagram.errors import ScenarioError
+
+
+class SimulatedDiagram(BatchDiagram):
+    """Runs a diagram that has no compiled form; slow, and ``threads`` is of no use to it.
+
+    ``period`` [s], the tick, has to be given where the discrete updates share none; offset 0 then. A continuous state
+    is the last state group of its block. Abstract state starts at its default in every run.
+    """
+
+    def __init__(self, layout: Layout, period: float | None = None) -> None:
+        if period is None:
+            try:
+                period, offset = common_timing(layout.structure)
+            except NotCompilable as error:
+                raise ScenarioError(f"{error}; or give the period of a tick to Drake's Simulator") from None
+        elif not (np.isfinite(period) and period > 0.0):
+            raise ScenarioError(f"period = {period} s; it must be finite and > 0")
+        else:
+            offset = 0.0
+        super().__init__(layout, period, offset, set())
+
+    def linearize(self, *_: Any, **__: Any) -> NoReturn:
+        """Only a compiled diagram knows its derivatives."""
+        raise NotCompilable("a simulated diagram cannot be linearised exactly; compile it")
+
+    def _advance(
+        self,
+        ticks: Indices,
+        start: Indices,
+        state: Floats,
+        parameters: Floats,
+        series: Floats,
+        every: int,
+        column: Indices,
+        log: Floats,
+        threads: int | None,
+        progress: Callable[[float], None] | None,
+    ) -> None:
+        diagram = self.layout.structure.diagram
+        simulator = Simulator(diagram)
+        for c in range(ticks.size):
+            context = diagram.CreateDefaultContext()
+            self.layout.write(context, parameters[c], state[c])
+            context.SetTime(float(self.time(start[c])))
+            self._fix(context, series[c, 0])
+            simulator.reset_context(context)
+            simulator.Initialize()
+            length, rows = int(ticks[c]), series.shape[1]
+            # stops: where an input changes or a row is recorded; the Simulator ends a step before its update
+            stops = {*range(1, min(rows, length + 1)), *range(0, length + 1, every if log.shape[1] else length + 1)}
+            for k in sorted(stops | {length}):
+                if k:  # even without time passing AdvanceTo would do the updates that are due at the start
+                    simulator.AdvanceTo(float(self.time(start[c] + k)))
+                if 0 < k < rows:
+                    self._fix(context, series[c, k])
+                if k % every == 0 and k // every < log.shape[1]:
+                    self._record(context, column, log[c, k // every])
+            state[c] = self.layout.read_state(context)
+            if progress:
+                progress((c + 1) / ticks.size)
+
+    def _fix(self, context: Any, row: Floats) -> None:
+        for port in self.layout.structure.inputs:
+            value = row[self.layout.inputs.places[port.name]]
+            self.layout.structure.diagram.get_input_port(port.index).FixValue(context, value)
+
+    def _record(self, context: Any, column: Indices, row: Floats) -> None:
+        values = np.append(read_outputs(self.layout, context), self.layout.read_state(context))
+        row[:] = values[column]
+
+
+def read_outputs(layout: Layout, context: Any) -> Floats:
+    """All exported outputs, flat, of a context of the diagram."""
+    found = [layout.structure.diagram.get_output_port(p.index).Eval(context) for p in layout.structure.outputs]
+    return np.concatenate(found) if found else np.zeros(0)

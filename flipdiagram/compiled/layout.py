@@ -1,0 +1,231 @@
+"""Names of parameters, states, inputs and outputs, and the flat vectors behind them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flipdiagram.compiled.structure import Structure
+from flipdiagram.errors import ScenarioError
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+class Names:
+    """An ordered map: name -> places in a flat vector, with other spellings and "name[i]" for one element."""
+
+    def __init__(self, kind: str) -> None:
+        self.kind = kind
+        self.places: dict[str, Indices] = {}
+        self.spellings: dict[str, str] = {}
+        self.size = 0
+
+    def append(self, name: str, size: int) -> Indices:
+        """Give ``name`` the next ``size`` places."""
+        self.places[name] = np.arange(self.size, self.size + size)
+        self.size += size
+        return self.places[name]
+
+    def find(self, name: str) -> Indices:
+        """The places of a name or of one of its elements; ScenarioError lists the valid names."""
+        base, element = name, None
+        if self.spellings.get(name, name) not in self.places and (match := re.fullmatch(r"(.*)\[(\d+)\]", name)):
+            base, element = match[1], int(match[2])
+        places = self.places.get(self.spellings.get(base, base))
+        if places is None or (element is not None and element >= places.size):
+            valid = ", ".join(f"{n}[0..{p.size - 1}]" if p.size > 1 else n for n, p in self.places.items())
+            raise ScenarioError(f"unknown {self.kind} '{name}'; choose from {valid or 'none: there are none'}")
+        return places if element is None else places[element : element + 1]
+
+    def sizes(self) -> dict[str, int]:
+        """Name -> size."""
+        return {name: places.size for name, places in self.places.items()}
+
+    def elements(self) -> list[str]:
+        """One name per place: "dob[0]", or "dob" where the size is 1."""
+        names = [""] * self.size
+        for name, places in self.places.items():
+            for i, place in enumerate(places):
+                names[place] = f"{name}[{i}]" if places.size > 1 else name
+        return names
+
+    def split(self, values: Floats) -> dict[str, Floats]:
+        """Name -> its columns of ``values`` (..., size)."""
+        return {name: values[..., places] for name, places in self.places.items()}
+
+    def spread(self, given: Mapping[str, ArrayLike], default: Floats) -> Floats:
+        """Rows (1 or n, size) with the values given by name, shapes as in ``rows_of``, and elsewhere ``default``."""
+        found = [(self.find(name), rows_of(self.kind, name, v, self.find(name).size)) for name, v in given.items()]
+        count = common_count({f"{self.kind} '{name}'": v.shape[0] for name, (_, v) in zip(given, found, strict=True)})
+        result = np.tile(np.asarray(default, dtype=float), (count, 1))
+        for places, rows in found:
+            result[:, places] = rows
+        return result
+
+
+def rows_of(kind: str, name: str, value: ArrayLike, size: int) -> Floats:
+    """``value`` as rows (1 or n, size): a number or (size,) for all channels, (n, size), (n,) where size is 1."""
+    array = _finite(kind, name, value)
+    if array.ndim == 0:
+        return np.full((1, size), float(array))
+    if array.ndim == 1:
+        if size == 1:
+            return array[:, None]
+        array = array[None]
+    if array.ndim != 2 or array.shape[1] != size or array.shape[0] == 0:
+        wanted = "a number or (channels,)" if size == 1 else f"({size},) or (channels, {size})"
+        raise ScenarioError(f"{kind} '{name}' has shape {np.shape(value)}; valid is {wanted}")
+    return array
+
+
+def series_of(name: str, value: ArrayLike, size: int) -> Floats:
+    """An input as (1 or n, rows, size): a series, else constant as in ``rows_of``."""
+    array = _finite("input", name, value)
+    if array.ndim == 2 and size == 1:
+        array = array[:, :, None]
+    if array.ndim == 3:
+        if array.shape[2] != size or 0 in array.shape:
+            raise ScenarioError(f"input '{name}' has shape {np.shape(value)}; valid is (channels, rows, {size})")
+        return array
+    return rows_of("input", name, array, size)[:, None, :]
+
+
+def common_count(counts: Mapping[str, int]) -> int:
+    """The number of channels that all share, where 1 means any; ScenarioError names two that differ."""
+    several = {name: count for name, count in counts.items() if count != 1}
+    if len(set(several.values())) > 1:
+        listed = ", ".join(f"{name}: {count}" for name, count in several.items())
+        raise ScenarioError(f"the numbers of channels differ ({listed}); valid is one number, or 1")
+    return next(iter(several.values()), 1)
+
+
+def _finite(kind: str, name: str, value: ArrayLike) -> Floats:
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ScenarioError(f"{kind} '{name}' = {value!r}; valid are numbers") from None
+    if not np.isfinite(array).all():
+        raise ScenarioError(f"{kind} '{name}' holds nan or infinity; valid are finite numbers")
+    return array
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where each numeric parameter group and state group of each leaf stands in the flat vectors.
+
+    ``parameter_places[leaf][group]`` and ``state_places[leaf][group]`` are places; a leaf's continuous state,
+    where it has one, is its last state group.
+    """
+
+    structure: Structure
+    parameters: Names
+    states: Names
+    inputs: Names
+    outputs: Names
+    parameter_places: tuple[tuple[Indices, ...], ...]
+    state_places: tuple[tuple[Indices, ...], ...]
+
+    def read_parameters(self, context: Any) -> Floats:
+        """The flat parameter vector of a context of the whole diagram (of tied ones, the first)."""
+        vector = np.empty(self.parameters.size)
+        for leaf, groups in reversed(list(zip(self.structure.leaves, self.parameter_places, strict=True))):
+            part = leaf.system.GetMyContextFromRoot(context)
+            for g, places in reversed(list(enumerate(groups))):
+                vector[places] = part.get_numeric_parameter(g).CopyToVector()
+        return vector
+
+    def read_state(self, context: Any) -> Floats:
+        """The flat state vector of a context of the whole diagram."""
+        vector = np.empty(self.states.size)
+        for leaf, groups in zip(self.structure.leaves, self.state_places, strict=True):
+            part = leaf.system.GetMyContextFromRoot(context)
+            discrete = part.num_discrete_state_groups()
+            for g, places in enumerate(groups):
+                value = part.get_discrete_state(g) if g < discrete else part.get_continuous_state_vector()
+                vector[places] = value.CopyToVector()
+        return vector
+
+    def write(self, context: Any, parameters: Floats, state: Floats) -> None:
+        """Set flat parameters and state in a context of the whole diagram."""
+        for leaf, owned, groups in zip(self.structure.leaves, self.parameter_places, self.state_places, strict=True):
+            part = leaf.system.GetMyContextFromRoot(context)
+            for g, places in enumerate(owned):
+                part.get_mutable_numeric_parameter(g).SetFromVector(parameters[places])
+            discrete = part.num_discrete_state_groups()
+            for g, places in enumerate(groups):
+                if g < discrete:
+                    part.SetDiscreteState(g, state[places])
+                else:
+                    part.SetContinuousState(state[places])
+
+
+def lay_out(structure: Structure, tie: Mapping[str, Sequence[str]] | None = None) -> Layout:
+    """Name everything; ``tie`` replaces several parameters by one of the caller's."""
+    parameters, states = Names("parameter"), Names("state")
+    owned: list[tuple[Indices, ...]] = []
+    held: list[tuple[Indices, ...]] = []
+    for leaf in structure.leaves:
+        context = leaf.system.CreateDefaultContext()
+        sizes = [context.get_numeric_parameter(g).size() for g in range(context.num_numeric_parameter_groups())]
+        readable = getattr(leaf.system, "numeric_parameter_names", ())
+        places = []
+        for g, size in enumerate(sizes):
+            name = f"{leaf.name}.{readable[g] if g < len(readable) else g}"
+            parameters.spellings[f"{leaf.name}.{g}"] = name
+            places.append(parameters.append(name, size))
+        owned.append(tuple(places))
+        groups = [context.get_discrete_state(g).size() for g in range(context.num_discrete_state_groups())]
+        if context.num_continuous_states():
+            groups.append(context.num_continuous_states())
+        names = [leaf.name] if len(groups) == 1 else [f"{leaf.name}.{g}" for g in range(len(groups))]
+        held.append(tuple(states.append(name, size) for name, size in zip(names, groups, strict=True)))
+    inputs, outputs = Names("input"), Names("output")
+    for names_of, ports in ((inputs, structure.inputs), (outputs, structure.outputs)):
+        for port in ports:
+            names_of.append(port.name, port.size)
+    if tie:
+        parameters, owned = _tied(parameters, owned, tie)
+    return Layout(structure, parameters, states, inputs, outputs, tuple(owned), tuple(held))
+
+
+def _tied(
+    names: Names, owned: list[tuple[Indices, ...]], tie: Mapping[str, Sequence[str]]
+) -> tuple[Names, list[tuple[Indices, ...]]]:
+    representative = np.arange(names.size)
+    heads: dict[str, Indices] = {}
+    for new, members in tie.items():
+        if new in names.places or new in names.spellings:
+            raise ScenarioError(f"tie: '{new}' is the name of a parameter already; choose another")
+        found = [names.find(member) for member in members]
+        if not found or len({places.size for places in found}) > 1:
+            sizes = ", ".join(f"{m}: {p.size}" for m, p in zip(members, found, strict=True))
+            raise ScenarioError(f"tie: '{new}' joins parameters of different sizes ({sizes}); valid is one size")
+        for member, places in zip(members, found, strict=True):
+            if (representative[places] != places).any():
+                raise ScenarioError(f"tie: '{member}' of '{new}' is tied already; valid is one name for each")
+        heads[new] = found[0]
+        for places in found[1:]:
+            representative[places] = found[0]
+        if any(np.intersect1d(found[0], places).size for n, places in heads.items() if n != new):
+            raise ScenarioError(f"tie: '{members[0]}' of '{new}' is tied already; valid is one name for each")
+    kept = np.unique(representative)
+    place = np.full(names.size, -1)
+    place[kept] = np.arange(kept.size)
+    place = place[representative]
+    result = Names(names.kind)
+    result.size = int(kept.size)
+    shared = {int(i) for i, count in zip(*np.unique(representative, return_counts=True), strict=True) if count > 1}
+    shared |= {int(i) for places in heads.values() for i in places}
+    for new, places in heads.items():
+        result.places[new] = place[places]
+    for name, places in names.places.items():
+        if not shared.issuperset(representative[places].tolist()):
+            result.places[name] = place[places]
+    result.spellings = {k: v for k, v in names.spellings.items() if v in result.places}
+    return result, [tuple(place[places] for places in groups) for groups in owned]

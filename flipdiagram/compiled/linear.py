@@ -1,0 +1,215 @@
+"""Exact linearisation: the chain rule through the program, then poles and frequency response in z."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flipdiagram.compiled.layout import Floats, Indices, Layout
+from flipdiagram.compiled.read import Program
+from flipdiagram.errors import MissingProgramError, ScenarioError
+
+_Function = tuple[Callable[[Any], Any], Callable[[Any, Any], Any]]
+
+_UNARY: dict[str, _Function] = {  # f(x), and its derivative from x and f
+    "neg": (np.negative, lambda x, f: -1.0),
+    "abs": (np.abs, lambda x, f: np.sign(x)),
+    "exp": (np.exp, lambda x, f: f),
+    "log": (np.log, lambda x, f: 1.0 / x),
+    "sqrt": (np.sqrt, lambda x, f: 0.5 / f),
+    "sin": (np.sin, lambda x, f: np.cos(x)),
+    "cos": (np.cos, lambda x, f: -np.sin(x)),
+    "tan": (np.tan, lambda x, f: 1.0 + f * f),
+    "asin": (np.arcsin, lambda x, f: 1.0 / np.sqrt(1.0 - x * x)),
+    "acos": (np.arccos, lambda x, f: -1.0 / np.sqrt(1.0 - x * x)),
+    "atan": (np.arctan, lambda x, f: 1.0 / (1.0 + x * x)),
+    "sinh": (np.sinh, lambda x, f: np.cosh(x)),
+    "cosh": (np.cosh, lambda x, f: np.sinh(x)),
+    "tanh": (np.tanh, lambda x, f: 1.0 - f * f),
+    "floor": (np.floor, lambda x, f: 0.0),
+    "ceil": (np.ceil, lambda x, f: 0.0),
+}
+
+_RELATIONS: dict[str, Callable[..., Any]] = {
+    "eq": np.equal, "ne": np.not_equal, "gt": np.greater, "ge": np.greater_equal, "lt": np.less, "le": np.less_equal,
+    "and": np.logical_and, "or": np.logical_or, "not": np.logical_not, "isnan": np.isnan,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Linearization:
+    """dx[k+1] = A dx[k] + B du[k], dy[k] = C dx[k] + D du[k] about a point; one name per row or column; dt [s]."""
+
+    A: Floats
+    B: Floats
+    C: Floats
+    D: Floats
+    dt: float
+    state_names: tuple[str, ...]
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+
+    def poles(self) -> NDArray[np.complex128]:
+        """The eigenvalues of A, largest magnitude first; stable inside the unit circle."""
+        found = np.linalg.eigvals(self.A).astype(complex)
+        return np.asarray(found[np.argsort(-np.abs(found), kind="stable")])
+
+    def response(
+        self,
+        omega: ArrayLike,
+        inputs: Sequence[str] | str | None = None,
+        outputs: Sequence[str] | str | None = None,
+    ) -> NDArray[np.complex128]:
+        """C (zI - A)^-1 B + D at z = exp(j omega dt), omega [rad/s] (m,): shape (m, outputs, inputs), those named."""
+        columns, rows = self._places("input", inputs), self._places("output", outputs)
+        frequencies = np.atleast_1d(np.asarray(omega, dtype=float))
+        z = np.exp(1j * frequencies * self.dt)[:, None, None]
+        b = np.broadcast_to(self.B[:, columns], (frequencies.size, len(self.A), len(columns)))
+        states = np.linalg.solve(z * np.eye(len(self.A)) - self.A, b)
+        return np.asarray(self.C[rows] @ states + self.D[np.ix_(rows, columns)])
+
+    def restricted(
+        self, inputs: Sequence[str] | str | None = None, outputs: Sequence[str] | str | None = None
+    ) -> Linearization:
+        """These inputs and outputs only, without the states that no such output can see (sums of meters)."""
+        columns, rows = self._places("input", inputs), self._places("output", outputs)
+        seen = (self.C[rows] != 0.0).any(axis=0)
+        while True:
+            more = seen | (self.A[seen] != 0.0).any(axis=0)
+            if (more == seen).all():
+                break
+            seen = more
+        kept = np.flatnonzero(seen)
+        return Linearization(
+            self.A[np.ix_(kept, kept)],
+            self.B[np.ix_(kept, columns)],
+            self.C[np.ix_(rows, kept)],
+            self.D[np.ix_(rows, columns)],
+            self.dt,
+            tuple(self.state_names[i] for i in kept),
+            tuple(self.input_names[i] for i in columns),
+            tuple(self.output_names[i] for i in rows),
+        )
+
+    def to_control(self) -> Any:
+        """The same as a ``control.StateSpace`` of python-control, names included."""
+        try:
+            import control  # type: ignore[import-untyped,import-not-found,unused-ignore]
+        except ImportError:
+            raise MissingProgramError(
+                "to_control() needs python-control, which is not installed; install it with: pip install control"
+            ) from None
+        names = {"inputs": self.input_names, "outputs": self.output_names, "states": self.state_names}
+        labels = {key: [name.replace(".", "_") for name in value] for key, value in names.items() if value}
+        return control.StateSpace(self.A, self.B, self.C, self.D, self.dt, remove_useless_states=False, **labels)
+
+    def _places(self, kind: str, names: Sequence[str] | str | None) -> Indices:
+        """Places of names; one without "[i]" stands for all its elements."""
+        known = self.input_names if kind == "input" else self.output_names
+        if names is None:
+            return np.arange(len(known))
+        found: list[int] = []
+        for name in (names,) if isinstance(names, str) else names:
+            places = [i for i, k in enumerate(known) if k == name or k.rpartition("[")[0] == name]
+            if not places:
+                raise ScenarioError(
+                    f"unknown {kind} '{name}'; choose from {', '.join(known) or 'none: there are none'}"
+                )
+            found += places
+        return np.array(found, dtype=np.int64)
+
+
+def linearize(
+    program: Program, layout: Layout, parameters: Floats, state: Floats, inputs: Floats, tick: int
+) -> Linearization:
+    """The Jacobians of update and outputs with respect to state and inputs at one point, exact to rounding."""
+    states = state.size
+    _, rows = evaluate(program, parameters, state, inputs, program.offset + tick * program.period)
+    next_state, outputs = rows[:states], rows[states:]
+    return Linearization(
+        next_state[:, :states],
+        next_state[:, states:],
+        outputs[:, :states],
+        outputs[:, states:],
+        program.period,
+        tuple(layout.states.elements()),
+        tuple(layout.inputs.elements()),
+        tuple(layout.outputs.elements()),
+    )
+
+
+def evaluate(program: Program, parameters: Floats, state: Floats, inputs: Floats, time: float) -> tuple[Floats, Floats]:
+    """Next state and outputs, (states + outputs,), and their gradients by (state, inputs).
+
+    The derivative of the branch taken, for choices (min, max, if-then-else); 0 for steps (floor, ceil) and of abs at 0.
+    """
+    width = state.size + inputs.size
+    zero, identity = np.zeros(width), np.eye(width)
+    values: dict[int, Any] = {}
+    gradients: dict[int, Any] = {}
+    roots = [*program.update, *program.outputs]
+    with np.errstate(all="ignore"):
+        for i in sorted(program.graph.needed(roots)):
+            operation, *rest = program.graph.nodes[i]
+            gradient = zero
+            if operation == "constant":
+                value: Any = {"True": True, "False": False}.get(rest[0])
+                value = np.float64(rest[0]) if value is None else value
+            elif operation == "time":
+                value = np.float64(time)
+            elif operation == "parameter":
+                value = parameters[rest[0]]
+            elif operation == "state":
+                value, gradient = state[rest[0]], identity[rest[0]]
+            elif operation == "input":
+                value, gradient = inputs[rest[0]], identity[state.size + rest[0]]
+            elif operation in _RELATIONS:
+                value = _RELATIONS[operation](*(values[j] for j in rest))
+            elif operation == "select":
+                taken = rest[1] if values[rest[0]] else rest[2]
+                value, gradient = values[taken], gradients[taken]
+            elif operation in ("min", "max"):
+                a, b = rest
+                second = values[b] < values[a] if operation == "min" else values[a] < values[b]
+                value, gradient = values[b if second else a], gradients[b if second else a]
+            elif operation in _UNARY:
+                function, slope = _UNARY[operation]
+                value = function(values[rest[0]])
+                gradient = _times(slope(values[rest[0]], value), gradients[rest[0]])
+            else:
+                a, b = rest
+                value, by_a, by_b = _binary(operation, values[a], values[b])
+                gradient = _times(by_a, gradients[a]) + _times(by_b, gradients[b])
+            values[i], gradients[i] = value, gradient
+    rows = np.array([gradients[i] for i in roots]).reshape(len(roots), width)
+    return np.array([values[i] for i in roots]), rows
+
+
+def _times(slope: Any, gradient: Floats) -> Floats:
+    # an infinite slope of something that does not depend on the state is no nan
+    return np.where(gradient == 0.0, 0.0, slope * gradient)
+
+
+def _binary(operation: str, a: Any, b: Any) -> tuple[Any, Any, Any]:
+    """Value and partial derivatives."""
+    if operation == "add":
+        return a + b, 1.0, 1.0
+    if operation == "sub":
+        return a - b, 1.0, -1.0
+    if operation == "mul":
+        return a * b, b, a
+    if operation == "div":
+        return a / b, 1.0 / b, -a / (b * b)
+    if operation == "atan2":
+        square = a * a + b * b
+        return np.arctan2(a, b), b / square, -a / square
+    assert operation == "pow"
+    value = np.power(a, b)
+    # log of a negative base is nan, which _times drops where the exponent is constant
+    by_exponent = value * np.log(a) if a > 0.0 else (0.0 if a == 0.0 and b > 0.0 else math.nan)
+    return value, b * np.power(a, b - 1.0), by_exponent

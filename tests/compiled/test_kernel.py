@@ -1,0 +1,131 @@
+"""The printed source and what becomes of it: shared subexpressions, the cache on disk, damaged and unwritable caches."""
+
+import doctest
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydrake.symbolic import Variable, sin
+from pydrake.systems.framework import DiagramBuilder
+from sampled_diagrams import PERIOD, expressions_block, saturated_loop, single
+
+from flipdiagram.compiled import compile_diagram, diagram, kernel
+
+FRESH = """
+import sys
+sys.path[:0] = {path!r}
+from sampled_diagrams import saturated_loop
+from flipdiagram.compiled import compile_diagram
+compiled = compile_diagram(saturated_loop(0.77))
+run = compiled.run(1000, inputs={{"reference": 0.1}})
+print(compiled.from_cache, "numba" in sys.modules, repr(run.final.tolist()))
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A cache folder of the test's own, and nothing remembered in the process."""
+    monkeypatch.setenv("FLIPDIAGRAM_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr(kernel, "_loaded", {})
+    return tmp_path / "cache"
+
+
+def forget(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernel, "_loaded", {})
+
+
+def final(compiled):
+    return compiled.run(1000, inputs={"reference": 0.1}).final.tolist()
+
+
+def test_a_fresh_process_finds_the_machine_code_and_does_without_numba(folder):
+    script = FRESH.format(path=[p for p in sys.path if p])
+    runs = [
+        subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split(" ", 2)
+        for _ in range(2)
+    ]
+    assert [run[0] for run in runs] == ["False", "True"]
+    assert [run[1] for run in runs] == ["True", "False"]
+    assert runs[0][2] == runs[1][2]
+
+
+def test_a_damaged_file_is_compiled_again(folder, monkeypatch):
+    first = compile_diagram(saturated_loop())
+    (file,) = folder.glob("*.o")
+    good = file.read_bytes()
+    assert not first.from_cache and compile_diagram(saturated_loop()).from_cache
+    for damage in (good[: len(good) // 2], b"", good[:-1] + bytes([good[-1] ^ 1])):
+        file.write_bytes(damage)
+        forget(monkeypatch)
+        again = compile_diagram(saturated_loop())
+        assert not again.from_cache and final(again) == final(first)
+    forget(monkeypatch)
+    assert compile_diagram(saturated_loop()).from_cache
+
+
+def test_a_folder_that_cannot_be_written_costs_only_time(folder, monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    monkeypatch.setenv("FLIPDIAGRAM_CACHE_DIR", str(tmp_path / "file" / "cache"))
+    compiled = compile_diagram(saturated_loop())
+    assert not compiled.from_cache and final(compiled)
+    assert compile_diagram(saturated_loop()).from_cache  # in memory
+
+
+def test_cache_off_writes_nothing(folder):
+    assert not compile_diagram(saturated_loop(), cache=False).from_cache
+    assert not folder.exists()
+
+
+def test_the_folder_stays_small(folder, monkeypatch):
+    monkeypatch.setattr(kernel, "_KEPT", 2)
+    folder.mkdir()
+    for age in range(4):
+        (folder / f"{age}.o").write_bytes(b"old")
+        os.utime(folder / f"{age}.o", (age, age))
+    compile_diagram(saturated_loop())
+    names = {file.name for file in folder.iterdir()}
+    assert len(names) == 2 and "3.o" in names
+
+
+def test_the_default_folder_is_the_users(monkeypatch):
+    monkeypatch.delenv("FLIPDIAGRAM_CACHE_DIR")
+    monkeypatch.setenv("XDG_CACHE_HOME", "/somewhere")
+    assert kernel.cache_folder() == Path("/somewhere/flipdiagram")
+
+
+def test_subexpressions_of_different_blocks_are_computed_once_and_constants_before_the_loop():
+    x, y, t, w = (Variable(name) for name in "xytw")
+    builder = DiagramBuilder()
+    for name, state in (("a", x), ("b", y)):
+        dynamics = [0.5 * state + sin(w * t) + sin(3.0 * w)]
+        block = expressions_block([state], [state], dynamics, time=t, parameter=np.array([w]))
+        builder.AddNamedSystem(name, block)
+    source = compile_diagram(builder.Build(), tie={"w": ["a.0", "b.0"]}).source
+    before, loop = source.split("for k in range")
+    assert before.count("math.sin") == 1 and loop.count("math.sin") == 1
+
+
+def test_the_source_is_the_same_for_two_builds_and_runs_as_plain_python():
+    one, two = compile_diagram(saturated_loop()), compile_diagram(saturated_loop())
+    assert one.source == two.source and two.from_cache
+    names: dict = {}
+    exec(one.source, names)
+    state, log, signal, first = [0.3, 0.0], [0.0] * 3, [0.0] * 4, [0]
+    names["kernel"](0, 1, [2], [0], state, 2, [], 0, [0.1], 0, 1, 0, 1, signal, 4, first, log, 3, 1)
+    run = one.run(2, state=[0.3, 0.0], inputs={"reference": 0.1}, log=["y"])
+    assert run.final[0].tolist() == state and run.log["y"][0, :, 0].tolist() == log
+
+
+def test_the_example_of_the_docstring():
+    found = doctest.testmod(diagram)
+    assert found.attempted > 8 and found.failed == 0
+
+
+def test_a_single_block_is_a_diagram_too():
+    x = Variable("x")
+    compiled = compile_diagram(expressions_block([x], [x], [0.5 * x]))
+    assert compiled.run(3, state=[8.0]).final == 1.0 and compiled.period == PERIOD
+    assert compile_diagram(single(expressions_block([x], [x], [0.5 * x]))).source == compiled.source
