@@ -26,11 +26,15 @@ if str(ROOT) not in sys.path:  # run as a script: only its own folder is there
 
 from bench import tables  # noqa: E402
 from bench.results import Section  # noqa: E402
+from flipdiagram import __version__  # noqa: E402
 
 REPETITIONS = {"command": 3, "plan": 7, "resolve": 6, "simulation": 5}
 """How often each piece is measured, once with --quick; `resolve` solves all linearisations of a plan each time."""
 BUSY = 0.5
 """Load average per core from which other work on the machine is mentioned."""
+
+UNDISTURBED = 0.95
+"""Processor time per wall time from which a piece is said to have run undisturbed."""
 
 
 def _command(repetitions: int, quick: bool) -> Iterator[Section]:
@@ -77,8 +81,21 @@ def machine() -> dict[str, Any]:
         "load": round(os.getloadavg()[0], 1),
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
-        **{name: version(name) for name in ("drake", "numpy", "flipdiagram")},
+        **{name: version(name) for name in ("drake", "numpy")},
+        "flipdiagram": __version__,
     }
+
+
+def with_processor_time(sections: Iterator[Section]) -> Iterator[Section]:
+    """Add to each section how much of a core it had."""
+    before = os.times()
+    for section in sections:
+        after = os.times()
+        share = (sum(after[:4]) - sum(before[:4])) / (after.elapsed - before.elapsed)
+        disturbed = "" if share > UNDISTURBED else ": NOT undisturbed, other work on the machine was in the way"
+        section.checks.append(f"processor time {100 * share:.0f} % of wall time{disturbed}")
+        yield section
+        before = os.times()
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -98,7 +115,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         console.print("the machine is busy with other work: trust ratios, not times", style="yellow")
     sections: list[Section] = []
     for name in [name for name in PIECES if name in arguments.only]:
-        for section in PIECES[name](1 if arguments.quick else REPETITIONS[name], arguments.quick):
+        pieces = PIECES[name](1 if arguments.quick else REPETITIONS[name], arguments.quick)
+        for section in with_processor_time(pieces):
             sections.append(section)
             tables.to_terminal(console, section)
     console.print(tables.verdicts(sections))

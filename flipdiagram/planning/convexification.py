@@ -27,7 +27,7 @@ FIRST_TRUST = 1.0
 LEAST_TRUST = 1e-3
 """Trust radius [rad] below which a path that the arm cannot follow is given up."""
 SWING = 0.4
-"""Changes that shrink less than by this factor are damped."""
+"""A change of θ back against the last one, by more than this fraction of it, is a swing, and damped."""
 SLACK_TOLERANCE = 1e-4
 
 
@@ -63,6 +63,7 @@ class Convexification:
         settings, task = scenario.planner, scenario.task
         self.layout = Layout(settings.contact_samples[1], settings.brake_samples)
         self.cost = LandingCost(settings.alpha, settings.beta, task.target_y)
+        self.allowed = limits.Allowed.of(arm, scenario)
         self.start = np.array([task.start_y, task.start_z, 0.0, 0.0, 0.0, 0.0])
         self.program_times: list[float] = []
         self._program = self._build(())
@@ -134,7 +135,8 @@ class Convexification:
         constraints.flight_rows(rows, layout, point, scenario)
         motion = self._follow(point)
         first = layout.release - point.n_contact
-        limits.joint_rows(rows, layout, motion, point.states[first:], point.inputs[first:], self.arm, scenario, first)
+        states, inputs = point.states[first:], point.inputs[first:]
+        limits.joint_rows(rows, layout, motion, states, inputs, self.arm, self.allowed, first)
         return rows, motion
 
     def solve(self, point: Trajectory, trust: float, elastic: bool = False) -> tuple[Solution, limits.JointMotion]:
@@ -155,7 +157,7 @@ class Convexification:
         Where the plain program has no solution the elastic one leads on.  Raises PlanningError where the arm loses
         the path, or the solver gives up.
         """
-        trust, last_change, elastic = FIRST_TRUST, np.inf, False
+        trust, last_step, last_change, elastic = FIRST_TRUST, np.zeros(1), np.inf, False
         outcome: Outcome | None = None
         for _ in range(iterations):
             try:
@@ -179,7 +181,8 @@ class Convexification:
                 continue
             states, inputs = self.layout.unpack(solution.w)
             following = replace(point, states=states, inputs=inputs)
-            change = float(np.max(np.abs(states[:, 2] - point.states[:, 2])))
+            step = states[:, 2] - point.states[:, 2]
+            change = float(np.max(np.abs(step)))
             slack = {name: value for name, value in solution.slack.items() if value > SLACK_TOLERANCE}
             settled = change < tolerance and not elastic
             outcome = Outcome(following, point, self._landing_cost(following), settled, slack, solution, motion)
@@ -189,9 +192,10 @@ class Convexification:
             elastic = bool(slack)
             if change > last_change:
                 trust = max(trust / 2, 2 * tolerance)
-            # what is frozen in a linearisation (the arm's Jacobian) makes the iterates swing; half-way damps it
-            point = _between(point, following) if change > SWING * last_change else following
-            last_change = change
+            # far from the last trajectory a linearisation errs and the iterates swing; half-way damps it
+            swings = change > SWING * last_change and float(np.sum(step * last_step)) < 0
+            point = _between(point, following) if swings else following
+            last_step, last_change = step, change
         if outcome is None:
             raise PlanningError(f"no motion found within {iterations} linearisations")
         return outcome

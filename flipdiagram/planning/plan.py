@@ -20,7 +20,7 @@ from flipdiagram.planning.model import flight
 SCHEMA = "flipdiagram/motion/1"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Plan:
     """Samples of the tool's motion, time 0 at its start; all SI.
 
@@ -105,17 +105,16 @@ class Plan:
     def at(self, t: float) -> tuple[list[float], list[float], list[float]]:
         """`sample` for one time, ten times faster: the MPC block calls it every millisecond."""
         k = math.floor(t / self.sampling_time + 1e-9)
-        zero = [0.0, 0.0, 0.0]
         if k < 0:
-            return self._rows[0][:3], zero, zero
-        if k >= len(self.inputs):
-            return self._rows[-1][:3], zero, zero
+            return self._rows[0][:3], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+        if k >= len(self._accelerations):
+            return self._rows[-1][:3], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
         tau = t - k * self.sampling_time
         y, z, theta, v_y, v_z, v_theta = self._rows[k]
         a = self._accelerations[k]
         half = tau * tau / 2
         x = [y + v_y * tau + a[0] * half, z + v_z * tau + a[1] * half, theta + v_theta * tau + a[2] * half]
-        return x, [v_y + a[0] * tau, v_z + a[1] * tau, v_theta + a[2] * tau], a
+        return x, [v_y + a[0] * tau, v_z + a[1] * tau, v_theta + a[2] * tau], a[:]
 
     @cached_property
     def _rows(self) -> list[list[float]]:
@@ -172,14 +171,49 @@ class Plan:
             raise ScenarioError(
                 f"{source} lacks fields of a plan or has others; valid is a file written by this version"
             )
-        data["states"], data["inputs"] = np.array(data["states"]), np.array(data["inputs"])
-        data["program_times"] = tuple(data["program_times"])
-        return cls(**data)
+        try:
+            data["states"], data["inputs"] = (np.array(data[name], dtype=float) for name in ("states", "inputs"))
+            data["program_times"] = tuple(data["program_times"])
+            wrong = _wrong_fields(plan := cls(**data))
+        except (TypeError, ValueError, OverflowError):
+            wrong = ["states, inputs or program_times"]
+        if wrong:
+            raise ScenarioError(
+                f"{source}: {', '.join(wrong)} of another shape or kind; valid is a file written by this version"
+            )
+        return plan
 
     @classmethod
     def load(cls, path: str | Path) -> Plan:
         """Read a plan file; raises ScenarioError where it cannot be read."""
+        source = f"plan file {str(path)!r}"
         try:
-            return cls.from_json(Path(path).read_text(encoding="utf-8"), str(path))
+            text = Path(path).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
-            raise ScenarioError(f"plan file {str(path)!r} cannot be read: {error}") from None
+            reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+            raise ScenarioError(f"{source} cannot be read: {reason}; valid is a file of 'flipdiagram plan'") from None
+        return cls.from_json(text, source)
+
+
+def _wrong_fields(plan: Plan) -> list[str]:
+    """Names of the fields that are not of their kind and shape, or not finite."""
+    counts = ("n_contact", "n_flight", "n_brake", "iterations")
+    numbers = ("sampling_time", "cost", "residual", "max_sliding_angle", "friction_angle", "solve_time")
+    wrong = [name for name in counts if type(getattr(plan, name)) is not int or getattr(plan, name) < 1]
+    wrong += [name for name in numbers if not _is_number(getattr(plan, name))]
+    if wrong:
+        return wrong
+    intervals = plan.n_contact + plan.n_brake
+    right = {
+        "sampling_time": plan.sampling_time > 0,
+        "states": plan.states.shape == (intervals + 1, 6) and bool(np.all(np.isfinite(plan.states))),
+        "inputs": plan.inputs.shape == (intervals, 3) and bool(np.all(np.isfinite(plan.inputs))),
+        "limit_use": isinstance(plan.limit_use, dict) and all(map(_is_number, plan.limit_use.values())),
+        "solver": isinstance(plan.solver, str),
+        "program_times": all(map(_is_number, plan.program_times)),
+    }
+    return [name for name, good in right.items() if not good]
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)

@@ -17,13 +17,15 @@ from flipdiagram.planning.convexification import Convexification, Outcome
 from flipdiagram.planning.plan import Plan
 from flipdiagram.scenario import Scenario
 
-SEARCH_TOLERANCE = 0.01
+SEARCH_ANGLE_TOLERANCE = 0.01
 """θ tolerance [rad] while horizons are compared; the chosen one is then settled to the scenario's own."""
 SEARCH_ITERATIONS = 8
 AT_LIMIT = 0.9
 """Use of a joint limit from which an infeasible plan mentions it."""
 CHECKS_PER_SAMPLE = 4
-"""The finished motion is checked this many times per ΔT."""
+"""The joint limits of the finished motion are checked this many times per ΔT."""
+CORRECTIONS = 2
+"""Times that a joint limit exceeded between samples is fed back, as a smaller limit."""
 
 
 class Planner:
@@ -43,13 +45,21 @@ class Planner:
         """The best motion over the horizons allowed; raises PlanningError naming the constraint that cannot be met."""
         begin = time.perf_counter()
         self.horizons.program_times.clear()
+        self.horizons.allowed = limits.Allowed.of(self.arm, self.scenario)
         self._check_start()
         best = self._search()
         settings = self.scenario.planner
-        best = self.horizons.settle(best.point, settings.angle_tolerance, settings.max_iterations)
-        if best.shortfall or not best.settled:
-            raise PlanningError(self._reason(best))
-        return self._finish(best, begin)
+        for _ in range(CORRECTIONS + 1):
+            best = self.horizons.settle(best.point, settings.angle_tolerance, settings.max_iterations)
+            if best.shortfall or not best.settled:
+                raise PlanningError(self._reason(best))
+            uses = self._limit_use(best)
+            kind = max(uses, key=lambda kind: float(uses[kind].max()))
+            if uses[kind].max() <= 1:
+                return self._finish(best, {kind: float(use.max()) for kind, use in uses.items()}, begin)
+            self.horizons.allowed = self.horizons.allowed.tightened(uses)
+        use, joint = uses[kind].max(), self.arm.joint_names[uses[kind].argmax()]
+        raise PlanningError(f"{kind} cannot be met: joint {joint} would need {use:.2f} x its limit between samples")
 
     def _search(self) -> Outcome:
         """Flight samples by steps of shrinking size, then the shortest contact phase that costs hardly more."""
@@ -66,7 +76,7 @@ class Planner:
                     point = self.horizons.guess(n_contact, n_flight)
                 else:
                     point = replace(nearest.point, n_contact=n_contact, n_flight=n_flight)
-                tried[key] = self.horizons.settle(point, SEARCH_TOLERANCE, SEARCH_ITERATIONS)
+                tried[key] = self.horizons.settle(point, SEARCH_ANGLE_TOLERANCE, SEARCH_ITERATIONS)
                 if nearest is None or tried[key].rank < nearest.rank:
                     nearest = tried[key]
             return tried[key]
@@ -114,60 +124,58 @@ class Planner:
             )
         name = max(outcome.slack, key=lambda group: outcome.slack[group])
         others = ", ".join(sorted(set(outcome.slack) - {name}))
-        uses = limits.largest_use(outcome.motion, self.arm)
+        uses, joints = limits.limit_use(outcome.motion, self.arm), self.arm.joint_names
         text = f"no motion found: {name} cannot be met"
         if name in uses:
-            use, joint = uses[name]
-            text += f" (joint {joint} would need {use:.2f} x its limit)"
+            use, share = uses[name], self.horizons.allowed.shares(self.arm)[name]
+            j = int(np.argmax(use / share))
+            text += f" (joint {joints[j]} would need {use[j]:.2f} x its limit; the plan may use {share[j]:.2f})"
         else:
             text += f" (short by {outcome.slack[name]:.3g})"
-            at_limit = [f"joint {joint} is at its {kind}" for kind, (use, joint) in uses.items() if use > AT_LIMIT]
-            text += f" while {' and '.join(at_limit)}" if at_limit else ""
+            full = {kind: joints[use.argmax()] for kind, use in uses.items() if use.max() > AT_LIMIT}
+            at_limit = " and ".join(f"joint {joint} is at its {kind}" for kind, joint in full.items())
+            text += f" while {at_limit}" if at_limit else ""
         return text + (f"; also short: {others}" if others else "")
 
-    def _finish(self, outcome: Outcome, begin: float) -> Plan:
-        """Cut off the waiting samples, check the motion between its samples, and wrap it up."""
-        point, scenario, layout = outcome.point, self.scenario, self.horizons.layout
-        first = layout.release - point.n_contact
-        states, inputs = point.states[first:], point.inputs[first:]
+    def _moving(self, outcome: Outcome) -> tuple[Floats, Floats]:
+        """States and inputs without the waiting samples."""
+        first = self.horizons.layout.release - outcome.point.n_contact
+        return outcome.point.states[first:], outcome.point.inputs[first:]
+
+    def _finish(self, outcome: Outcome, limit_use: dict[str, float], begin: float) -> Plan:
+        point, scenario = outcome.point, self.scenario
+        states, inputs = self._moving(outcome)
         k = np.arange(point.n_contact)
         phi = [contact.sliding_angle(inputs[k, :2], states[at, 2]) for at in (k, k + 1)]
-        plan = Plan(
+        return Plan(
             sampling_time=point.sampling_time,
             n_contact=point.n_contact,
             n_flight=point.n_flight,
-            n_brake=layout.n_brake,
+            n_brake=self.horizons.layout.n_brake,
             states=states,
             inputs=inputs,
             cost=outcome.cost,
             residual=outcome.solution.residual,
             max_sliding_angle=float(np.max(np.abs(phi))),
             friction_angle=float(contact.friction_angle(scenario.object.friction)),
-            limit_use=self._limit_use(states, inputs, point.sampling_time),
+            limit_use=limit_use,
             solver=scenario.planner.solver,
             iterations=len(self.horizons.program_times),
             solve_time=time.perf_counter() - begin,
             program_times=tuple(self.horizons.program_times),
         )
-        return plan
 
-    def _limit_use(self, states: Floats, inputs: Floats, dt: float) -> dict[str, float]:
-        """Largest use of each joint limit on a grid finer than ΔT; raises PlanningError where one is exceeded."""
-        fine = dt / CHECKS_PER_SAMPLE
-        tau = np.arange(CHECKS_PER_SAMPLE) * fine
+    def _limit_use(self, outcome: Outcome) -> dict[str, Floats]:
+        """`limits.limit_use` of the motion on a grid finer than ΔT."""
+        states, inputs = self._moving(outcome)
+        tau = np.arange(CHECKS_PER_SAMPLE)[:, None] * (outcome.point.sampling_time / CHECKS_PER_SAMPLE)
         moves = states[:-1, None, :].repeat(CHECKS_PER_SAMPLE, axis=1)
         held = inputs[:, None, :].repeat(CHECKS_PER_SAMPLE, axis=1)
-        moves[..., :3] += moves[..., 3:] * tau[:, None] + held * tau[:, None] ** 2 / 2
-        moves[..., 3:] += held * tau[:, None]
+        moves[..., :3] += moves[..., 3:] * tau + held * tau**2 / 2
+        moves[..., 3:] += held * tau
         dense = np.vstack([moves.reshape(-1, 6), states[-1]])
         motion = limits.joint_motion(self.arm, dense, held.reshape(-1, 3), self.scenario.task.start_x, self.q_start)
-        uses = limits.largest_use(motion, self.arm)
-        for kind, (use, joint) in uses.items():
-            if use > 1:
-                raise PlanningError(
-                    f"{kind} cannot be met: joint {joint} would need {use:.2f} x its limit between samples"
-                )
-        return {kind: use for kind, (use, _) in uses.items()}
+        return limits.limit_use(motion, self.arm)
 
 
 def plan_motion(scenario: Scenario) -> Plan:

@@ -1,0 +1,28 @@
+"""One default plan, shared by all tests of planning."""
+
+import pytest
+
+from flipdiagram.arm import ArmModel
+from flipdiagram.parts import arm_of
+from flipdiagram.planning import Plan, Planner
+from flipdiagram.scenario import Scenario
+
+
+@pytest.fixture(scope="session")
+def scenario() -> Scenario:
+    return Scenario()
+
+
+@pytest.fixture(scope="session")
+def arm(scenario: Scenario) -> ArmModel:
+    return arm_of(scenario)
+
+
+@pytest.fixture(scope="session")
+def planner(scenario: Scenario) -> Planner:
+    return Planner(scenario)
+
+
+@pytest.fixture(scope="session")
+def plan(planner: Planner) -> Plan:
+    return planner.plan()
