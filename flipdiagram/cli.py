@@ -68,10 +68,10 @@ def _run(argv: list[str]) -> int:
         numbers = versions()
         print(f"flipdiagram {numbers['flipdiagram']} (Drake {numbers['drake']})")
         return 0
+    commands = {"plan": _plan, "flip": _flip, "frequency": _frequency, "scenario": _scenario}
     if arguments.command is None:
-        parser.error("no command; choose from plan, flip, scenario")
-    command = {"plan": _plan, "flip": _flip, "scenario": _scenario}[arguments.command]
-    command(arguments, _load_scenario(arguments.scenario, overrides))
+        parser.error(f"no command; choose from {', '.join(commands)}")
+    commands[arguments.command](arguments, _load_scenario(arguments.scenario, overrides))
     return 0
 
 
@@ -121,6 +121,25 @@ def _flip(arguments: argparse.Namespace, scenario: Scenario) -> None:
         print(f"written to {out}")
 
 
+def _frequency(arguments: argparse.Namespace, scenario: Scenario) -> None:
+    from flipdiagram.files import check_output_directory
+
+    out = check_output_directory(arguments.out)
+
+    from flipdiagram.frequency_figures import write_figures
+    from flipdiagram.frequency_tables import claims_table, realisation_table
+    from flipdiagram.studies import frequency
+
+    with _status(arguments.quiet) as progress:
+        result = frequency.run(scenario, out, quick=arguments.quick, progress=progress)
+        progress("drawing figures")
+        write_figures(result.summary(), out)
+    if not arguments.quiet:
+        for table in [claims_table(result)] + ([realisation_table(result)] if result.rows else []):
+            _console().print(table)
+        print(f"{result.steps / 1e6:.0f} M channel-steps in {result.seconds:.1f} s; written to {out}")
+
+
 def _scenario(arguments: argparse.Namespace, scenario: Scenario) -> None:
     print(scenario.to_yaml(comments=True), end="")
 
@@ -162,6 +181,10 @@ def _parser() -> _Parser:
     flip.add_argument("--quick", action="store_true", help="shorter hold, no snapshots and replay")
     flip.add_argument("--no-replay", action="store_true", help="no snapshots and no replay.html")
     flip.add_argument("--jobs", type=_positive, metavar="N", help="processes side by side (one per core)")
+
+    frequency = add("frequency", "Measure gain, phase, error, torque and noise of the 1-DOF loop.", written)
+    frequency.add_argument("--out", type=Path, default=Path("out/frequency"), metavar="DIR", help="(out/frequency)")
+    frequency.add_argument("--quick", action="store_true", help="fewer frequencies, no table of realisations")
 
     add("scenario", "Print the scenario as YAML, each field with its unit.")
     return parser

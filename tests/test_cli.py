@@ -53,7 +53,7 @@ def test_version_names_both():
     assert __version__ in done.stdout and f"Drake {version('drake')}" in done.stdout
 
 
-@pytest.mark.parametrize("command", [[], ["plan"], ["flip"], ["scenario"]])
+@pytest.mark.parametrize("command", [[], ["plan"], ["flip"], ["frequency"], ["scenario"]])
 def test_help_is_quick_and_prints_to_stdout(command):
     begin = time.perf_counter()
     done = run(*command, "--help")
@@ -98,7 +98,7 @@ def test_options_win_over_the_file_and_the_file_over_the_defaults(in_process, tm
 
 
 BAD = {
-    "no command": ([], "plan, flip, scenario"),
+    "no command": ([], "plan, flip, frequency, scenario"),
     "unknown command": (["flap"], "'flap'", "'flip'"),
     "unknown option": (["flip", "--fast"], "--fast"),
     "abbreviated option": (["flip", "--arch", "pd"], "--arch"),

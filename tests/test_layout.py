@@ -14,10 +14,11 @@ LONGEST = 300
 
 # Each module may import only from those above it; a folder stands for all its files.
 ORDER = (
-    "errors", "files", "parallel", "scenario_io", "scenario", "contact", "transfer",
+    "errors", "files", "parallel", "scenario_io", "scenario_one_dof", "scenario", "contact", "transfer",
     "assets", "task_space", "inverse_kinematics", "assembly", "arm", "parts",
-    "planning", "blocks", "plants", "controller", "loop", "compiled", "recording", "simulate", "metrics", "studies",
-    "scene", "sketch", "snapshots", "figures", "replay", "gallery", "tables", "drawing", "report", "cli",
+    "planning", "blocks", "plants", "controller", "one_dof_loop", "loop", "compiled", "recording", "simulate", "metrics", "studies",
+    "scene", "sketch", "snapshots", "figures", "frequency_figures", "replay", "gallery", "tables", "frequency_tables",
+    "drawing", "report", "cli",
 )  # fmt: skip
 
 MODULES = sorted(PACKAGE.rglob("*.py"))
