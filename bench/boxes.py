@@ -13,7 +13,7 @@ import numpy as np
 from pydrake.systems.framework import LeafSystem, PortDataType
 
 from bench.loop import ARCHITECTURE, simulated_time
-from bench.playback import Stepped, closed_loop, torques_alone
+from bench.playback import PROCESSOR, Stepped, closed_loop, torques_alone
 from bench.results import Section
 from bench.timing import SelfTimes, in_turn
 from flipdiagram.loop import build_loop
@@ -24,7 +24,8 @@ from flipdiagram.simulate import simulate
 CELL = ("joint_friction", "contact_forces")
 """Boxes in Python that belong to the cell, not to the controller."""
 TEXT = (
-    "Wall time per controller period ({period:g} ms) of the same run, stepping alone. Boxes: a clock on the output and"
+    "Processor time per controller period ({period:g} ms) of the same run, stepping alone; it takes one thread, so this"
+    " is the wall time of an undisturbed machine. Boxes: a clock on the output and"
     " update callbacks of every Python block, without the blocks that a callback evaluates in turn. Plant: the recorded"
     " torques played back from C++ into the cell without a controller (same motion, same contacts), less"
     " joint_friction. Logging: a run with sinks less one without, less contact_forces, which only the log reads."
@@ -36,7 +37,7 @@ def measure(scenario: Scenario, plan: Plan, repetitions: int) -> Section:
     """Run the flip with clocks, with and without logging, and without a controller, in turn, `repetitions` times."""
     run = simulate(scenario, ARCHITECTURE, plan)
     end, periods = simulated_time(run), len(run.recording["time"]) - 1
-    own = SelfTimes()
+    own = SelfTimes(PROCESSOR)
     with clocks_on_boxes(own):
         clocked = build_loop(scenario, ARCHITECTURE, record=True)
     by_box: list[dict[str, float]] = []

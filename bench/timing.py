@@ -9,11 +9,11 @@ from typing import Any
 from unittest.mock import patch
 
 
-def timed(function: Callable[[], Any]) -> tuple[float, Any]:
-    """Wall time [s] of one call, and its result."""
-    begin = time.perf_counter()
+def timed(function: Callable[[], Any], clock: Callable[[], float] = time.perf_counter) -> tuple[float, Any]:
+    """Time [s] of one call, wall time unless another clock is given, and its result."""
+    begin = clock()
     result = function()
-    return time.perf_counter() - begin, result
+    return clock() - begin, result
 
 
 def in_turn(alternatives: Mapping[str, Callable[[], float]], repetitions: int) -> dict[str, list[float]]:
@@ -31,7 +31,7 @@ def ratios(a: list[float], b: list[float]) -> list[float]:
 
 
 class SelfTimes:
-    """Wall time of wrapped functions by name, each without the wrapped functions called inside it."""
+    """Time of wrapped functions by name, each without the wrapped functions called inside it."""
 
     def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
         self.seconds: dict[str, float] = {}

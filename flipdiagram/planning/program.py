@@ -45,6 +45,8 @@ SLACK_PRICE = 30.0
 """Price of a unit of slack; above the multipliers of a feasible program, so that slack is zero there."""
 TRUST_LENGTH = 0.5
 """Trust radius of y and z per trust radius of θ [m/rad]."""
+FREE_TRUST = 1.0
+"""Trust radius [rad] from which y and z are not bounded."""
 TURNING_RADIUS = 0.05
 """Lever [m] at which angular accelerations count in the smoothing cost, about the block's and blade's half-size."""
 
@@ -140,12 +142,15 @@ class HorizonProgram:
     ) -> None:  # fmt: skip
         """New numbers: start (6,), horizon, landing row on x̂(release) and its bound, rows, trust about `near`.
 
-        Trust is the radius [rad] in which θ may move about `near` (N + 1, 3); y and z move by `TRUST_LENGTH` times it.
+        Trust is the radius [rad] in which θ may move about `near` (N + 1, 3); y and z may move by `TRUST_LENGTH` times
+        it, or freely where it is `FREE_TRUST` or more.
         """
         layout, dt = self.layout, self.sampling_time
         low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
         samples = np.arange(1, layout.intervals + 1)
-        for component, radius in enumerate((trust * TRUST_LENGTH, trust * TRUST_LENGTH, trust)):
+        # rows that cannot bind cost time all the same: y and z are bounded once the trust has shrunk
+        length = trust * TRUST_LENGTH if trust < FREE_TRUST else np.inf
+        for component, radius in enumerate((length, length, trust)):
             low[layout.x(samples, component)] = near[1:, component] - radius
             high[layout.x(samples, component)] = near[1:, component] + radius
         waiting = layout.u(np.arange(layout.release - n_contact), 0)

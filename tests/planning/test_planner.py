@@ -1,6 +1,7 @@
 """The planner as a whole: what it finds over scenarios, what it says where there is nothing to find."""
 
 import re
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -8,8 +9,9 @@ import pytest
 from planar import G, blade, block, flown, gap, placed, polar
 
 from flipdiagram.errors import PlanningError
-from flipdiagram.planning import Plan, Planner, convexification, plan_motion
+from flipdiagram.planning import Plan, Planner, constraints, convexification, plan_motion
 from flipdiagram.planning.limits import POSITION, SPEED, TORQUE
+from flipdiagram.planning.rows import Rows
 from flipdiagram.scenario import Scenario
 
 
@@ -99,6 +101,20 @@ def test_at_the_edge_of_what_the_arm_can_do_all_constraints_hold(overrides):
         assert max(plan.limit_use[TORQUE] / 0.8, plan.limit_use[SPEED]) > 0.94
 
 
+def test_every_kind_of_constraint_enters_the_program(planner, plan):
+    """Rows of the whole horizon per group: what the builders of constraints.py give, and joint rows where near a limit."""
+    horizons, scenario = planner.horizons, planner.scenario
+    point = horizons.guess(plan.n_contact, plan.n_flight)
+    expected = Rows()
+    for build in (constraints.contact_rows, constraints.workspace_rows, constraints.clearance_rows,
+                  constraints.separation_rows, constraints.flight_rows):  # fmt: skip
+        build(expected, horizons.layout, point, scenario)
+    found = Counter(horizons.rows(point)[0].groups())
+    joints = {kind: found.pop(kind, 0) for kind in (POSITION, SPEED, TORQUE)}
+    assert found == Counter(expected.groups()) and {*found, *joints} == set(convexification.GROUPS)
+    assert joints[POSITION] > 0 and joints[SPEED] > 0
+
+
 def test_planning_is_deterministic_to_the_bit(planner, plan, scenario):
     for again in (planner.plan(), Planner(scenario).plan()):
         np.testing.assert_array_equal(again.states, plan.states)
@@ -135,7 +151,7 @@ def test_a_joint_limit_exceeded_between_samples_is_fed_back(scenario, plan, monk
         ({"arm.speed_scale": 0.05}, r"^no motion found: joint speed limit cannot be met \(joint [SLURBT] would need [\d.]+ x"),
         ({"arm.torque_scale": 0.05}, r"^no motion found: joint torque limit cannot be met \(joint [SLURBT] would need [\d.]+ x"),
         # level it is within reach, but not tilted: the object may not go lower, where the arm could follow
-        ({"task.start_z": 0.6, "task.workspace_z": (0.57, 0.65)}, r"^no motion found: joint (speed|position) limit cannot be met"),
+        ({"task.start_z": 0.6, "task.workspace_z": (0.57, 0.65)}, r"^no motion found: .*joint (position|speed|torque) limit"),
         ({"task.start_x": 0.6, "task.start_y": 0.35, "task.start_z": 0.65}, r"^the arm cannot reach the pose y = 0.35 m, z = 0.65 m"),
         ({"planner.contact_samples": (2, 3)}, r"^no motion found: release angle cannot be met \(short by [\d.]+\) while joint"),
         ({"task.workspace_y": (-0.02, 0.02), "planner.contact_samples": (10, 10)}, r"^no motion found: workspace cannot be met"),

@@ -15,7 +15,8 @@ from flipdiagram.planning.model import LandingCost
 from flipdiagram.planning.program import HorizonProgram, make_solver
 from flipdiagram.planning.rows import Rows
 
-G, TRUST, LEVER = 9.81, 0.2, 0.05
+G, LEVER = 9.81, 0.05
+TRUST = 0.05  # so little that it binds
 
 
 @pytest.fixture(scope="module")
@@ -133,7 +134,7 @@ def test_eq_2_start_waiting_rest_and_trust_hold_in_the_solution(planner, elsewhe
     np.testing.assert_allclose(inputs[:waiting], 0, atol=1e-7)
     np.testing.assert_allclose(states[-1, 3:], 0, atol=1e-8)
     moved = np.abs(states[waiting + 1 :, :3] - elsewhere.states[waiting + 1 :, :3]).max(axis=0)
-    assert np.all(moved <= np.array([TRUST / 2, TRUST / 2, TRUST]) + 1e-8)
+    np.testing.assert_allclose(moved, [TRUST / 2, TRUST / 2, TRUST], rtol=1e-5)  # as far as it may
     a, b = arguments[4].matrix(program.layout.size)
     assert np.max(a @ solution.w - b) <= solution.residual + 1e-15
 
