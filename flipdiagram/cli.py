@@ -127,12 +127,12 @@ def _frequency(arguments: argparse.Namespace, scenario: Scenario) -> None:
     out = check_output_directory(arguments.out)
 
     from flipdiagram.frequency_figures import write_figures
-    from flipdiagram.frequency_tables import claims_table, realisation_table
+    from flipdiagram.frequency_tables import claims_table, realisation_table, write_markdown
     from flipdiagram.studies import frequency
 
     with _status(arguments.quiet) as progress:
         result = frequency.run(scenario, out, quick=arguments.quick, progress=progress)
-        progress("drawing figures")
+        write_markdown(result, out)
         write_figures(result.summary(), out)
     if not arguments.quiet:
         for table in [claims_table(result)] + ([realisation_table(result)] if result.rows else []):

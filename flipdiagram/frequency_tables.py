@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
+from flipdiagram.files import write_atomically
 from flipdiagram.studies.claims import TEXTS, Claim
 from flipdiagram.studies.frequency import FrequencyResult
 from flipdiagram.studies.realisations import best
@@ -39,6 +41,21 @@ def realisation_table(result: FrequencyResult) -> Table:
         marks = ["[green]x[/]" if claim.holds else "[red]·[/]" for claim in row.claims]
         table.add_row(row.name + (" (some unstable)" if row.unstable else ""), *marks, str(row.count))
     return table
+
+
+def write_markdown(result: FrequencyResult, out: Path) -> Path:
+    """Both tables as Markdown in `out`/claims.md, as the README shows them."""
+    lines = ["| | figure | claim | holds | measured |", "| --- | --- | --- | --- | --- |"]
+    for claim in result.claims:
+        holds = "yes" if claim.holds else "no"
+        lines.append(f"| {claim.id} | {FIGURES[claim.id]} | {TEXTS[claim.id]} | {holds} | {numbers(claim)} |")
+    if result.rows:
+        lines += ["", "| realisation of the observer | claims that hold | claims that do not |", "| --- | ---: | --- |"]
+    for row in result.rows:
+        failed = ", ".join(claim.id for claim in row.claims if not claim.holds) or "none"
+        note = " (some loops unstable)" if row.unstable else ""
+        lines.append(f"| {row.name}{note} | {row.count} | {failed} |")
+    return write_atomically(out / "claims.md", "\n".join(lines) + "\n")
 
 
 def numbers(claim: Claim) -> str:
