@@ -241,4 +241,4 @@ def _linear_poles(name: str, controller: System, settings: OneDof) -> Complex:
     if abs(worst) > 1.0 - ON_THE_CIRCLE:
         return np.zeros(0, dtype=complex)
     with np.errstate(divide="ignore"):
-        return np.log(z[np.abs(z) > 0]) / settings.step
+        return np.asarray(np.log(z[np.abs(z) > 0]) / settings.step, dtype=complex)

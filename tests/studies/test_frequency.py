@@ -223,7 +223,7 @@ def test_the_command_writes_figures_and_prints_the_claims(tmp_path, capsys):
     done = capsys.readouterr()
     assert "C14" in done.out and "largest relative difference" in done.out
     names = ["fig05_gain", "fig06_gain_with_friction", "fig07_position_error", "fig08_phase", "fig09_torque", "fig10_noise"]
-    assert {path.name for path in tmp_path.iterdir()} == {f"{n}.{s}" for n in names for s in ("png", "svg")} | {"summary.json", "frequency.nc"}
+    assert {path.name for path in tmp_path.iterdir()} == {f"{n}.{s}" for n in names for s in ("png", "svg")} | {"summary.json", "frequency.nc", "claims.md"}
 
 
 def own_controllers():
