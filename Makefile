@@ -46,6 +46,8 @@ $(TESTABLE): pyproject.toml | python
 
 $(BENCHABLE): pyproject.toml | python
 	$(RUN) -m pip install --quiet --editable '.[bench]'
+	@$(RUN) -m pip install --quiet --editable '.[bench-peers]' \
+	  || echo "could not install all simulators to compare with; make bench names those that are missing" >&2
 	@touch $@ $(INSTALLED)
 
 # The virtual environment, or one sentence that says what is missing.

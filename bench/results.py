@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import operator
 import statistics
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 
@@ -23,7 +24,7 @@ class Target:
 
 @dataclass(frozen=True)
 class Measurement:
-    """One quantity, every repetition of it; `unit` is "s", "B" (bytes) or "x" (a ratio)."""
+    """One quantity, every repetition of it; `unit` is "s", "B" (bytes), "x" (a ratio) or "1/s" (a rate)."""
 
     name: str
     values: Sequence[float]
@@ -64,6 +65,8 @@ class Section:
     """Of which each measurement's share is shown."""
     checks: list[str] = field(default_factory=list)
     """What was verified about the results while measuring."""
+    plot: Callable[[Path], None] | None = None
+    """Draws a figure into a folder."""
 
     def add(
         self,

@@ -1,6 +1,6 @@
 """Measures the speed of flipdiagram against its targets, prints it, and writes bench.json and bench.md.
 
-    python bench/run.py --out out/bench [--quick] [--only command plan resolve simulation]
+    python bench/run.py --out out/bench [--quick] [--only command frequency plan resolve simulation]
 
 It measures, others judge: the exit code is 0 whatever the verdicts say.
 """
@@ -28,7 +28,7 @@ from bench import tables  # noqa: E402
 from bench.results import Section  # noqa: E402
 from flipdiagram import __version__  # noqa: E402
 
-REPETITIONS = {"command": 3, "plan": 7, "resolve": 6, "simulation": 5}
+REPETITIONS = {"command": 3, "frequency": 7, "plan": 7, "resolve": 6, "simulation": 5}
 """How often each piece is measured, once with --quick; `resolve` solves all linearisations of a plan each time."""
 BUSY = 0.5
 """Load average per core from which other work on the machine is mentioned."""
@@ -41,6 +41,12 @@ def _command(repetitions: int, quick: bool) -> Iterator[Section]:
     from bench import command
 
     yield command.measure(repetitions, quick)
+
+
+def _frequency(repetitions: int, quick: bool) -> Iterator[Section]:
+    from bench import frequency
+
+    yield from frequency.sections(repetitions, quick)
 
 
 def _plan(repetitions: int, quick: bool) -> Iterator[Section]:
@@ -71,6 +77,7 @@ PIECES: dict[str, Callable[[int, bool], Iterator[Section]]] = {
     "plan": _plan,
     "resolve": _resolve,
     "simulation": _simulation,
+    "frequency": _frequency,  # last: the threads of what it imports stay
 }
 
 
@@ -119,6 +126,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         for section in with_processor_time(pieces):
             sections.append(section)
             tables.to_terminal(console, section)
+            if section.plot is not None:
+                section.plot(arguments.out)
     console.print(tables.verdicts(sections))
 
     from flipdiagram.files import write_atomically

@@ -15,7 +15,12 @@ from bench.results import Measurement, Section
 
 WIDTH = 110
 HEADINGS = ("median", "min", "max", "share", "target", "verdict")
-SCALES = {"s": ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")), "B": ((1e6, "MB"),), "x": ((1.0, "×"),)}
+SCALES = {
+    "s": ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns")),
+    "B": ((1e6, "MB"),),
+    "x": ((1.0, "×"),),
+    "1/s": ((1e6, "M/s"), (1e3, "k/s"), (1.0, "/s")),
+}
 
 
 def quantity(value: float, unit: str, like: float | None = None) -> str:
