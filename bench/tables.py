@@ -71,9 +71,22 @@ def verdicts(sections: Iterable[Section]) -> Table:
     return table
 
 
+def targets(sections: Iterable[Section]) -> list[str]:
+    """All targets as the lines of one Markdown table: the one that the README shows."""
+    lines = ["| | measured | target | |", "|---|--:|--:|---|"]
+    for section in sections:
+        for m, cells in rows(section):
+            if m.verdict:
+                verdict = m.verdict if m.verdict == "met" else f"**{m.verdict}**"
+                lines.append(f"| {section.title}: {m.name} | {cells[0]} | {cells[-2]} | {verdict} |")
+    return lines
+
+
 def to_markdown(sections: Iterable[Section], machine: Mapping[str, Any]) -> str:
     """The whole report as Markdown."""
     lines = ["# Speed of flipdiagram", "", ", ".join(f"{name} {value}" for name, value in machine.items()), ""]
+    sections = list(sections)
+    lines += ["## Targets", "", *targets(sections), ""]
     for section in sections:
         lines += [f"## {section.title}", "", section.text, ""]
         lines += [f"| | {' | '.join(HEADINGS)} |", f"|---|{'--:|' * len(HEADINGS)}"]
