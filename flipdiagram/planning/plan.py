@@ -103,7 +103,7 @@ class Plan:
         return np.where(moving, x, rest), np.where(moving, v, 0.0), np.where(moving, a, 0.0)
 
     def at(self, t: float) -> tuple[list[float], list[float], list[float]]:
-        """`sample` for one time, ten times faster: the MPC block calls it every millisecond."""
+        """`sample` for one time, some thirty times faster: the MPC block calls it every millisecond."""
         k = math.floor(t / self.sampling_time + 1e-9)
         if k < 0:
             return self._rows[0][:3], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
