@@ -11,6 +11,7 @@ teach pendant.
 """
 
 import copy
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -54,6 +55,8 @@ class ArmModel:
         reflected_inertia_scale: float = REFLECTED_INERTIA_SCALE,
         speed_scale: float = 1.0,
         torque_scale: float = 1.0,
+        link_inertia_scales: Sequence[float] | None = None,
+        reflected_inertia_scales: Sequence[float] | None = None,
         payload_mass: float = 0.0,
         payload_inertia: float = 0.0,
         arm: str | None = None,
@@ -72,6 +75,8 @@ class ArmModel:
             reflected_inertia_scale=reflected_inertia_scale,
             speed_scale=speed_scale,
             torque_scale=torque_scale,
+            link_inertia_scales=link_inertia_scales,
+            reflected_inertia_scales=reflected_inertia_scales,
             arm=arm,
             spatula=spatula,
         )

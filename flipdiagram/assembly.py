@@ -1,5 +1,6 @@
 """Arm and spatula put into a MultibodyPlant: the one place where the cell and `ArmModel` get them from."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,6 +42,8 @@ def add_arm(
     reflected_inertia_scale: float = REFLECTED_INERTIA_SCALE,
     speed_scale: float = 1.0,
     torque_scale: float = 1.0,
+    link_inertia_scales: Sequence[float] | None = None,
+    reflected_inertia_scales: Sequence[float] | None = None,
     arm: str | None = None,
     spatula: str | None = None,
 ) -> ArmHandles:
@@ -57,6 +60,8 @@ def add_arm(
         reflected_inertia_scale=reflected_inertia_scale,
         speed_scale=speed_scale,
         torque_scale=torque_scale,
+        link_inertia_scales=link_inertia_scales,
+        reflected_inertia_scales=reflected_inertia_scales,
     )
     offset: Any = np.array([0.0, 0.0, assets.check_not_negative("tool_height", tool_height)])
     no_offset: Any = np.zeros(3)

@@ -43,12 +43,15 @@ def arm_urdf(
     reflected_inertia_scale: float = 1.0,
     speed_scale: float = 1.0,
     torque_scale: float = 1.0,
+    link_inertia_scales: Sequence[float] | None = None,
+    reflected_inertia_scales: Sequence[float] | None = None,
 ) -> str:
     """URDF text of the arm with its numbers scaled; `file` is a URDF of the user's own (default: mh3f.urdf).
 
     link_inertia_scale multiplies mass and inertia of every link, reflected_inertia_scale every rotor inertia,
     speed_scale every velocity limit, torque_scale every effort limit (the peak; friction is a fraction of the
     rated torque, which stays). Numbers without unit, above 0 (reflected_inertia_scale: 0 too).
+    link_inertia_scales and reflected_inertia_scales multiply those of the link and rotor of each joint, in order.
     """
     root = _parse(model_path("mh3f.urdf") if file is None else Path(file))
     for name, scale, path, attributes in (
@@ -75,8 +78,32 @@ def arm_urdf(
         for element in root.iterfind(path):
             for attribute in attributes:
                 if attribute in element.attrib:
-                    element.set(attribute, repr(float(element.attrib[attribute]) * scale))
+                    _scale(element, attribute, scale)
+    moving = [joint for joint in root.iterfind("joint") if joint.get("type") != "fixed"]
+    for joint, scale in zip(moving, _per_joint("link_inertia_scales", link_inertia_scales, moving), strict=True):
+        link = f"link[@name='{_attribute(joint, 'child', 'link')}']/inertial"
+        for element in (*root.iterfind(f"{link}/mass"), *root.iterfind(f"{link}/inertia")):
+            for attribute in element.attrib:
+                _scale(element, attribute, scale)
+    scales = _per_joint("reflected_inertia_scales", reflected_inertia_scales, moving)
+    for joint, scale in zip(moving, scales, strict=True):
+        transmission = f"transmission/joint[@name='{joint.attrib['name']}']/../actuator"
+        for element in root.iterfind(f"{transmission}/{{{DRAKE}}}rotor_inertia"):
+            _scale(element, "value", scale)
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _scale(element: ElementTree.Element, attribute: str, scale: float) -> None:
+    element.set(attribute, repr(float(element.attrib[attribute]) * scale))
+
+
+def _per_joint(name: str, scales: Sequence[float] | None, joints: Sequence[ElementTree.Element]) -> list[float]:
+    if scales is None:
+        return [1.0] * len(joints)
+    if len(scales) != len(joints):
+        names = " ".join(joint.attrib["name"] for joint in joints)
+        raise ScenarioError(f"{name} = {list(scales)} has {len(scales)} entries; valid is one per joint, {names}")
+    return [check_positive(f"{name}[{i}]", scale) for i, scale in enumerate(scales)]
 
 
 def rated_torques(arm_text: str) -> dict[str, float]:

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
-from pydrake.systems.primitives import Adder
+from pydrake.systems.primitives import Adder, Gain
 
 from flipdiagram.arm import ArmModel
 from flipdiagram.blocks.feedforward import AccelerationFeedforward
+from flipdiagram.blocks.gravity import GravityCompensation
 from flipdiagram.blocks.inertia import NominalInertia
 from flipdiagram.blocks.inverse_jacobian import InverseJacobian
 from flipdiagram.blocks.mpc import CHANNELS, ModelPredictiveController
@@ -40,6 +41,8 @@ class ControllerBoxes:
     tool_kinematics: LeafSystem
     feedforward: LeafSystem | None
     disturbance_observer: LeafSystem | None
+    gravity_compensation: LeafSystem | None
+    """Not in the paper's figure: present only where the scenario asks for it."""
 
 
 def check_architecture(architecture: str) -> str:
@@ -109,17 +112,29 @@ def add_controller(
     connect(a_ref, inverse_jacobian.GetInputPort("a_ref"))
     connect(inverse_jacobian.GetOutputPort("qdd_ref"), reference.GetInputPort("qdd_ref"))
 
-    tau = reference.GetOutputPort("tau_ref")
+    terms, observed = [reference.GetOutputPort("tau_ref")], limit.GetOutputPort("tau")
     if observer is not None:
-        tau = _sum(builder, "tau_sum", tau, observer.GetOutputPort("tau_dis"))
-        connect(limit.GetOutputPort("tau"), observer.GetInputPort("tau"))
+        terms.append(observer.GetOutputPort("tau_dis"))
+    gravity = None
+    if settings.gravity_compensation > 0:
+        gravity = add("gravity_compensation", GravityCompensation(arm, settings.gravity_compensation, n))
+        connect(q, gravity.GetInputPort("q"))
+        terms.append(gravity.GetOutputPort("tau_gravity"))
+        if observer is not None:
+            # what is fed forward must not be observed as a disturbance too, or it would count twice
+            minus = add("minus_gravity", Gain(-1.0, n))
+            connect(gravity.GetOutputPort("tau_gravity"), minus.get_input_port())
+            observed = _sum(builder, "tau_observed", observed, minus.get_output_port())
+    if observer is not None:
+        connect(observed, observer.GetInputPort("tau"))
         connect(qd, observer.GetInputPort("qd"))
+    tau = _sum(builder, "tau_sum", *terms) if len(terms) > 1 else terms[0]
     connect(tau, limit.GetInputPort("tau_cmd"))
-    return ControllerBoxes(pd, inverse_jacobian, reference, limit, kinematics, feedforward, observer)
+    return ControllerBoxes(pd, inverse_jacobian, reference, limit, kinematics, feedforward, observer, gravity)
 
 
-def _sum(builder: DiagramBuilder, name: str, a: OutputPort, b: OutputPort) -> OutputPort:
-    total = builder.AddNamedSystem(name, Adder(2, a.size()))
-    builder.Connect(a, total.get_input_port(0))
-    builder.Connect(b, total.get_input_port(1))
+def _sum(builder: DiagramBuilder, name: str, *terms: OutputPort) -> OutputPort:
+    total = builder.AddNamedSystem(name, Adder(len(terms), terms[0].size()))
+    for i, term in enumerate(terms):
+        builder.Connect(term, total.get_input_port(i))
     return total.get_output_port()

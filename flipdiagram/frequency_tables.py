@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
 from flipdiagram.files import write_atomically
+from flipdiagram.grid import Grid
 from flipdiagram.studies.claims import TEXTS, Claim
 from flipdiagram.studies.frequency import FrequencyResult
 from flipdiagram.studies.realisations import best
@@ -49,13 +51,21 @@ def write_markdown(result: FrequencyResult, out: Path) -> Path:
     for claim in result.claims:
         holds = "yes" if claim.holds else "no"
         lines.append(f"| {claim.id} | {FIGURES[claim.id]} | {TEXTS[claim.id]} | {holds} | {numbers(claim)} |")
+    text = "\n".join(lines) + "\n"
     if result.rows:
-        lines += ["", "| realisation of the observer | claims that hold | claims that do not |", "| --- | ---: | --- |"]
-    for row in result.rows:
-        failed = ", ".join(claim.id for claim in row.claims if not claim.holds) or "none"
-        note = " (some loops unstable)" if row.unstable else ""
-        lines.append(f"| {row.name}{note} | {row.count} | {failed} |")
-    return write_atomically(out / "claims.md", "\n".join(lines) + "\n")
+        text += "\n" + realisations_grid([row.as_dict() for row in result.rows]).markdown()
+    return write_atomically(out / "claims.md", text)
+
+
+def realisations_grid(rows: Sequence[Mapping[str, Any]]) -> Grid:
+    """The realisations of the observer from a summary: how many claims hold, and which do not."""
+    texts = []
+    for row in rows:
+        failed = ", ".join(name for name, holds in row["holds"].items() if not holds) or "none"
+        note = " (some loops unstable)" if row["unstable"] else ""
+        texts.append([row["name"] + note, str(sum(row["holds"].values())), failed])
+    headings = ["realisation of the observer", "claims that hold", "claims that do not"]
+    return Grid(headings, texts, right=headings[1:2])
 
 
 def numbers(claim: Claim) -> str:

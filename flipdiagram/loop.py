@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
 
 from flipdiagram.arm import ArmModel
+from flipdiagram.blocks.delay import Delay
 from flipdiagram.blocks.mpc import ModelPredictiveController
 from flipdiagram.blocks.sensors import Encoder, PseudoDerivative
 from flipdiagram.contact import Floats
@@ -47,9 +48,11 @@ class Loop:
         task = self.scenario.task
         centre = np.array([task.start_x, task.start_y, task.start_z])
         plant.SetFreeBodyPose(mine, parts.block, RigidTransform(centre))
-        if self.diagram.HasSubsystemNamed("velocity"):
-            velocity = self.diagram.GetSubsystemByName("velocity")
-            velocity.set_initial_position(velocity.GetMyMutableContextFromRoot(context), self.q_start)
+        for name in ("delayed_q", "velocity"):
+            if self.diagram.HasSubsystemNamed(name):
+                box = self.diagram.GetSubsystemByName(name)
+                inside = box.GetMyMutableContextFromRoot(context)
+                (box.set_initial_value if name == "delayed_q" else box.set_initial_position)(inside, self.q_start)
         if plan is not None:
             self.mpc.set_plan(self.mpc.GetMyMutableContextFromRoot(context), plan)
         return context
@@ -82,16 +85,7 @@ def build_loop(
         "mpc", ModelPredictiveController(planner or motion.plan, hold, scenario.simulation.hold_time)
     )
     cell = add_cell(builder, scenario, arm)
-    q, qd = cell.q, cell.qd
-    if scenario.sensors.encoder_resolution > 0:
-        encoder = builder.AddNamedSystem("encoder", Encoder(np.full(n, scenario.sensors.encoder_resolution)))
-        builder.Connect(q, encoder.get_input_port())
-        q = encoder.get_output_port()
-    if scenario.sensors.velocity_cutoff is not None:
-        cutoff = np.full(n, scenario.sensors.velocity_cutoff)
-        velocity = builder.AddNamedSystem("velocity", PseudoDerivative(cutoff, settings.period, offset))
-        builder.Connect(q, velocity.get_input_port())
-        qd = velocity.get_output_port()
+    q, qd = _sensed(builder, scenario, cell, n, offset)
     boxes = add_controller(builder, scenario, architecture, arm, q_start, mpc=mpc, q=q, qd=qd, offset=offset)
     tau = boxes.torque_limit.GetOutputPort("tau")
     if fine:
@@ -108,7 +102,7 @@ def build_loop(
         signals |= {
             "state": cell.plant.get_state_output_port(),
             "tau": tau,
-            "contact_force": cell.contact_force,
+            "contact_wrench": cell.contact_wrench,
         }
         if boxes.disturbance_observer is not None:
             signals["tau_dis"] = boxes.disturbance_observer.GetOutputPort("tau_dis")
@@ -118,3 +112,24 @@ def build_loop(
     diagram = builder.Build()
     diagram.set_name(architecture)
     return Loop(diagram, scenario, architecture, arm, mpc, boxes, cell, q_start, logs)
+
+
+def _sensed(builder: DiagramBuilder, scenario: Scenario, cell: Cell, n: int, offset: float) -> list[OutputPort]:
+    """q and qd as the controller sees them: through encoder, delay and velocity filter, where the scenario has them."""
+    sensors, period = scenario.sensors, scenario.controller.period
+
+    def through(box: LeafSystem, name: str, signal: OutputPort) -> OutputPort:
+        builder.AddNamedSystem(name, box)
+        builder.Connect(signal, box.get_input_port())
+        return box.get_output_port()
+
+    q, qd = cell.q, cell.qd
+    if sensors.encoder_resolution > 0:
+        q = through(Encoder(np.full(n, sensors.encoder_resolution)), "encoder", q)
+    if sensors.delay > 0:
+        q = through(Delay(n, sensors.delay, period, offset), "delayed_q", q)
+    if sensors.velocity_cutoff is not None:
+        qd = through(PseudoDerivative(np.full(n, sensors.velocity_cutoff), period, offset), "velocity", q)
+    elif sensors.delay > 0:
+        qd = through(Delay(n, sensors.delay, period, offset), "delayed_qd", qd)
+    return [q, qd]

@@ -9,12 +9,15 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import RigidBody
+from pydrake.multibody.tree import RigidBody, SpatialInertia
 
 from flipdiagram.arm import ArmModel
 from flipdiagram.assembly import ArmHandles, add_arm
 from flipdiagram.assets import block_sdf, spatula_urdf, table_sdf
 from flipdiagram.scenario import Scenario
+
+PAYLOAD_RADIUS = 0.03
+"""Radius [m] of the sphere that stands for an unknown payload."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,8 @@ def arm_of(scenario: Scenario) -> ArmModel:
 def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
     """Add arm, spatula, block and table to a plant that is not finalized; raises ScenarioError for a bad number."""
     arm = add_arm(plant, **_arm_options(scenario))
+    if scenario.disturbance.payload > 0:
+        _add_payload(plant, arm, scenario.disturbance.payload)
     thing, physics = scenario.object, scenario.simulation
     block = block_sdf(
         size=(thing.width, thing.length, thing.thickness),
@@ -50,6 +55,14 @@ def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
     return Parts(arm, plant.GetBodyByName("block", block_model), table)
 
 
+def _add_payload(plant: MultibodyPlant, arm: ArmHandles, mass: float) -> None:
+    """A solid sphere at the flange, without collision geometry: only its mass [kg] matters."""
+    payload = plant.AddRigidBody(
+        "payload", plant.AddModelInstance("payload"), SpatialInertia.SolidSphereWithMass(mass, PAYLOAD_RADIUS)
+    )
+    plant.WeldFrames(arm.flange, payload.body_frame())
+
+
 def _arm_options(scenario: Scenario) -> dict[str, Any]:
     arm, tool = scenario.arm, scenario.tool
     spatula = spatula_urdf(
@@ -64,5 +77,7 @@ def _arm_options(scenario: Scenario) -> dict[str, Any]:
         "reflected_inertia_scale": arm.reflected_inertia_scale,
         "speed_scale": arm.speed_scale,
         "torque_scale": arm.torque_scale,
+        "link_inertia_scales": arm.link_inertia_scales,
+        "reflected_inertia_scales": arm.reflected_inertia_scales,
         "spatula": spatula,
     }

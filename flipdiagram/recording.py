@@ -111,10 +111,9 @@ def roll(poses: Floats) -> Floats:
     return np.unwrap(np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)))
 
 
-def in_tool(data: Recording) -> Floats:
-    """Position of the block's centre in the tool frame (x, s, n) [m], shape (time, 3)."""
+def tool_axes(data: Recording) -> Floats:
+    """The tool's axes x, s, n as rows, in world axes, shape (time, 3, 3)."""
     w, x, y, z = data["tool_pose"].values[:, :4].T
-    offset = data["block_pose"].values[:, 4:] - data["tool_pose"].values[:, 4:]
     axes = np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
@@ -122,4 +121,10 @@ def in_tool(data: Recording) -> Floats:
             [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
-    return np.einsum("ijk,kj->ki", axes, offset)
+    return np.moveaxis(axes, -1, 0)
+
+
+def in_tool(data: Recording) -> Floats:
+    """Position of the block's centre in the tool frame (x, s, n) [m], shape (time, 3)."""
+    offset = data["block_pose"].values[:, 4:] - data["tool_pose"].values[:, 4:]
+    return np.einsum("tij,tj->ti", tool_axes(data), offset)

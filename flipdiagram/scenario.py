@@ -22,66 +22,10 @@ from flipdiagram import scenario_io
 from flipdiagram.errors import ScenarioError
 from flipdiagram.scenario_io import Section, invalid, quantity
 from flipdiagram.scenario_one_dof import Frequency, OneDof, check_nyquist
+from flipdiagram.scenario_parts import JOINTS, Arm, Disturbance, JointFriction, Object, Table, Tool
 
-JOINTS = ("S", "L", "U", "R", "B", "T")
 ARCHITECTURES = ("pd", "pd+ff", "pd+dob", "pd+ff+dob")
 Architecture = Literal["pd", "pd+ff", "pd+dob", "pd+ff+dob"]
-
-
-class Arm(Section):
-    """The robot: Motoman MH3F, geometry and limits from urdf/mh3f.urdf."""
-
-    link_inertia_scale: float = quantity(1.0, "1", "factor on every link's mass and inertia (our estimates)", gt=0)
-    reflected_inertia_scale: float = quantity(
-        2.0,
-        "1",
-        "factor on the reflected rotor inertias; 2 counts the harmonic drives as much as the rotors (L)",
-        ge=0,
-    )
-    speed_scale: float = quantity(1.0, "1", "factor on the joint speed limits", gt=0)
-    torque_scale: float = quantity(1.0, "1", "factor on the joint torque limits (peak = 3 x rated)", gt=0)
-
-
-class JointFriction(Section):
-    """Friction of the joints, unknown to the controller; levels as fractions of each joint's rated torque.
-
-    Harmonic drives of this size lose 5-20 % of the rated torque to Coulomb friction; 10 % is the middle (o).
-    """
-
-    coulomb: float = quantity(0.10, "rated torque", "Coulomb friction, fraction of rated torque", ge=0)
-    viscous: float = quantity(0.033, "rated torque per rad/s", "viscous friction, fraction of rated torque", ge=0)
-    transition_velocity: float = quantity(
-        0.06, "rad/s", "velocity over which the Coulomb friction changes sign (tanh)", gt=0
-    )
-
-
-class Tool(Section):
-    """The spatula: a thin rigid blade; its centre lies `reach` from the flange."""
-
-    reach: float = quantity(0.14, "m", "flange to blade centre (H)", gt=0)
-    blade_length: float = quantity(0.10, "m", "blade along the handle (o)", gt=0)
-    blade_width: float = quantity(0.09, "m", "blade across the handle, along the tangent s (o)", gt=0)
-    blade_thickness: float = quantity(0.002, "m", "blade thickness (o)", gt=0)
-    mass: float = quantity(0.15, "kg", "blade and handle (o)", gt=0)
-
-
-class Object(Section):
-    """The rubber block that stands for the pancake."""
-
-    length: float = quantity(0.065, "m", "along the tangent s of the tool (p)", gt=0)
-    width: float = quantity(0.062, "m", "along the handle (p)", gt=0)
-    thickness: float = quantity(0.010, "m", "along the normal n (p)", gt=0)
-    mass: float = quantity(0.061, "kg", "mass (p)", gt=0)
-    friction: float = quantity(1.86, "1", "static friction coefficient on the blade (p)", gt=0)
-
-
-class Table(Section):
-    """The plane on which the block lands."""
-
-    height: float = quantity(0.20, "m", "height of its surface above the robot's base (o)", ge=-1, le=2)
-    friction: float = quantity(
-        0.7, "1", "friction coefficient of its surface, combined with another one as 2 a b / (a + b) (o)", gt=0
-    )
 
 
 class Task(Section):
@@ -120,7 +64,9 @@ class Planner(Section):
     flight_samples: tuple[int, int] = quantity((4, 20), "samples", "flight samples searched, (fewest, most) (o)")
     brake_samples: int = quantity(12, "samples", "samples in which the tool brakes after the release (o)", ge=2)
     release_angle: float = quantity(0.05, "rad", "how far beyond π/2 the tool must turn before it releases", ge=0)
-    friction_margin: float = quantity(0.2, "1", "fraction of the friction coefficient not used by the plan", ge=0, lt=1)
+    friction_margin: float = quantity(
+        0.2, "1", "fraction of the friction coefficient not used by the plan; below 0: more than there is", gt=-2, lt=1
+    )
     minimum_normal: float = quantity(1.0, "m/s2", "least normal force per mass while in contact", ge=0)
     support_margin: float = quantity(
         0.2, "1", "fraction of the half-length the centre of pressure stays away", ge=0, lt=1
@@ -164,6 +110,9 @@ class Controller(Section):
         None, "kg m2", "diagonal of M_n per joint; null: the diagonal of M(q) at the start pose (o)"
     )
     nominal_inertia_scale: float = quantity(1.0, "1", "factor on M_n, to study its error", gt=0)
+    gravity_compensation: float = quantity(
+        0.0, "1", "fraction of the arm's gravity torque that is fed forward; 0 as in the paper: no such box", ge=0
+    )
 
     @model_validator(mode="after")
     def _positive_inertia(self) -> Controller:
@@ -181,6 +130,7 @@ class Sensors(Section):
     velocity_cutoff: float | None = quantity(
         None, "rad/s", "g_v of the pseudo-derivative g_v s/(s + g_v); null: exact velocity", gt=0
     )
+    delay: int = quantity(0, "periods", "delay of q and qd, in periods of the controller", ge=0, le=1000)
 
 
 class Simulation(Section):
@@ -208,6 +158,7 @@ class Scenario(Section):
     tool: Tool = Tool()
     object: Object = Object()
     table: Table = Table()
+    disturbance: Disturbance = Disturbance()
     task: Task = Task()
     planner: Planner = Planner()
     controller: Controller = Controller()

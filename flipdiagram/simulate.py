@@ -13,6 +13,7 @@ from pydrake.systems.framework import Context
 
 from flipdiagram.errors import SimulationError
 from flipdiagram.loop import Loop, build_loop
+from flipdiagram.margins import with_margins
 from flipdiagram.planning.plan import Plan
 from flipdiagram.recording import Recording, assemble
 from flipdiagram.scenario import Scenario
@@ -88,4 +89,6 @@ def _read(loop: Loop, context: Context, plan: Plan) -> Recording:
     settings = loop.scenario
     period, hold = settings.controller.period, settings.simulation.hold_time
     clock = (np.arange(samples) - hold / period) * period
-    return assemble(signals, clock, settings, loop.architecture, loop.arm, plan)
+    wrench = signals.pop("contact_wrench")
+    signals["contact_force"] = wrench[:9]
+    return with_margins(assemble(signals, clock, settings, loop.architecture, loop.arm, plan), wrench[9:].T, settings)

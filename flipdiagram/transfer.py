@@ -5,9 +5,9 @@ discrete blocks make with a zero-order hold of T seconds, z = e^{jωT}.  Derived
 
     plant       m ẍ = f + f_d, force held over T      X = (1 + γT/2)/(m γ²) (F + F_d),   V = (F + F_d)/(m γ)
     velocity    measured exactly                      V̂ = H X + N,  H = γ/(1 + γT/2)
-                or pseudo-derivative of x             H = g_v γ/(γ + G_v),  G_v = (1 − e^{−g_v T})/T
+                or pseudo-derivative of x             H = G_v γ/(γ + G_v),  G_v = (1 − e^{−g_v T})/T
     PD and FF   A_ref = k_p (X_cmd − X) + k_v (V_cmd − V̂) + A_cmd, or with feed-forward of measured acceleration
-                + D_a V̂ in the place of A_cmd,        D_a = g_a γ/(γ + G_a)
+                + D_a V̂ in the place of A_cmd,        D_a = G_a γ/(γ + G_a)
     reference   F_ref = m_ref A_ref,                  m_ref = m, or m_n where the reference is scaled by m_n
     observer    w[k+1] = e^{−gT} w[k] + (1 − e^{−gT}) (f[k] + g m_n v̂[k]),  f = f_ref + w − g m_n v̂, hence
                 F = K F_ref − g m_n V̂,                K = (γ + G)/γ,  G = (1 − e^{−gT})/T;  K = 1, g = 0 without
@@ -104,7 +104,7 @@ class Loop1Dof:
         if self.velocity_cutoff is None:
             numerator_H, denominator_H = gamma, half
         else:
-            numerator_H = self.velocity_cutoff * gamma
+            numerator_H = _cutoff(self.velocity_cutoff, T) * gamma
             denominator_H = gamma + _cutoff(self.velocity_cutoff, T)
         K = (observer, [gamma]) if self.g_dis else (Polynomial([1.0]), [])
         derivative = gamma + _cutoff(self.acceleration_cutoff, T) if self.feedforward == "measured" else None
@@ -116,7 +116,7 @@ class Loop1Dof:
             (self.g_dis * self.nominal_mass * numerator_H, H),
         ]
         if derivative is not None:
-            measured = -self.reference_mass * self.acceleration_cutoff * gamma * K[0] * numerator_H
+            measured = -self.reference_mass * _cutoff(self.acceleration_cutoff, T) * gamma * K[0] * numerator_H
             terms.append((measured, [*K[1], *H, derivative]))
         common = [half, *K[1], *([] if denominator_H is half else H), *([derivative] if derivative is not None else [])]
         total = Polynomial([0.0])
@@ -144,10 +144,12 @@ class Loop1Dof:
         if self.velocity_cutoff is None:
             H = gamma / half
         else:
-            H = self.velocity_cutoff * gamma / (gamma + _cutoff(self.velocity_cutoff, T))
+            G_v = _cutoff(self.velocity_cutoff, T)
+            H = G_v * gamma / (gamma + G_v)
         D_a = np.zeros_like(gamma)
         if self.feedforward == "measured":
-            D_a = self.acceleration_cutoff * gamma / (gamma + _cutoff(self.acceleration_cutoff, T))
+            G_a = _cutoff(self.acceleration_cutoff, T)
+            D_a = G_a * gamma / (gamma + G_a)
         inertial = self.mass * gamma**2 / half
         feedback = self.reference_mass * K * (self.k_p + (self.k_v - D_a) * H)
         return _Terms(K, D_a, inertial, inertial + feedback + self.g_dis * self.nominal_mass * H)

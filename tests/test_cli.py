@@ -9,7 +9,7 @@ from importlib.metadata import version
 
 import pytest
 
-from flipdiagram import __version__, cli
+from flipdiagram import __version__, cli, commands
 from flipdiagram.errors import PlanningError, SimulationError
 from flipdiagram.scenario import Scenario, from_yaml
 
@@ -98,7 +98,7 @@ def test_options_win_over_the_file_and_the_file_over_the_defaults(in_process, tm
 
 
 BAD = {
-    "no command": ([], "plan, flip, frequency, scenario"),
+    "no command": ([], "plan, flip, frequency, experiment, borders, report, scenario"),
     "unknown command": (["flap"], "'flap'", "'flip'"),
     "unknown option": (["flip", "--fast"], "--fast"),
     "abbreviated option": (["flip", "--arch", "pd"], "--arch"),
@@ -141,18 +141,18 @@ def test_what_the_physics_refuses_ends_with_3(in_process, monkeypatch, error):
     def refuse(*_):
         raise error("the arm\ncannot reach")
 
-    monkeypatch.setattr(cli, "_scenario", refuse)
+    monkeypatch.setattr(commands, "scenario", refuse)
     assert_one_line(in_process("scenario"), 3, "the arm cannot reach")
 
 
 def test_a_bug_is_not_dressed_up_as_bad_input(in_process, monkeypatch):
-    monkeypatch.setattr(cli, "_scenario", lambda *_: [][0])
+    monkeypatch.setattr(commands, "scenario", lambda *_: [][0])
     with pytest.raises(IndexError):
         in_process("scenario")
 
 
 def test_ctrl_c_ends_with_130_and_one_line(tmp_path):
-    script = "import sys, time; from flipdiagram import cli; cli._scenario = lambda *_: (print('in'), time.sleep(60))"
+    script = "import sys, time; from flipdiagram import cli, commands; commands.scenario = lambda *_: (print('in'), time.sleep(60))"
     script += "; sys.exit(cli.main(['scenario']))"
     with subprocess.Popen(
         [sys.executable, "-u", "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True

@@ -50,9 +50,12 @@ def next_filter_state(z: Array, g_v: Array, period: float, q: Array) -> Array:
     return decay * z + (1.0 - decay) * q
 
 
-def filtered_velocity(z: Array, g_v: Array, q: Array) -> Array:
-    """v[k] = g_v (q[k] - z[k]) [rad/s], shapes (n,), g_v [rad/s]."""
-    return g_v * (q - z)
+def filtered_velocity(z: Array, g_v: Array, period: float, q: Array) -> Array:
+    """v[k] = G_v (q[k] - z[k]) [rad/s], G_v = (1 - e^(-g_v T))/T; shapes (n,), g_v [rad/s], T the ``period`` [s].
+
+    G_v in the place of g_v makes the velocity of a ramp exact for any T; for g_v T -> oo it is the backward difference.
+    """
+    return (1.0 - np.exp(-g_v * period)) / period * (q - z)
 
 
 @TemplateSystem.define("Encoder_")
@@ -99,8 +102,8 @@ def PseudoDerivative_(T: Any) -> type:
         """Velocity of n joints from their positions: v = g_v s/(s+g_v) q, sampled.
 
         ``g_v`` [rad/s] >= 0, one number per joint, is a numeric parameter of the Context; ``period`` and
-        ``offset`` in [s]; exact for q held over a period. The state z, low-passed q, is 0 by default:
-        a start elsewhere than q = 0 shows as the velocity g_v q(0) unless ``set_initial_position`` is called.
+        ``offset`` in [s]; of a ramp it gives the exact velocity. The state z, low-passed q, is 0 by default:
+        a start elsewhere than q = 0 shows as the velocity G_v q(0) unless ``set_initial_position`` is called.
         Input ``q`` [rad], which feeds through, output ``v`` [rad/s]: shape (n,).
         """
 
@@ -138,7 +141,7 @@ def PseudoDerivative_(T: Any) -> type:
         def _calc_v(self, context: ScalarContext, output: ScalarVector) -> None:
             g_v = context.get_numeric_parameter(self._g_v).CopyToVector()
             z = context.get_discrete_state_vector().CopyToVector()
-            output.set_value(filtered_velocity(z, g_v, self._q.Eval(context)))
+            output.set_value(filtered_velocity(z, g_v, self.period, self._q.Eval(context)))
 
     return Impl
 

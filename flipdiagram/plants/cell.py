@@ -21,14 +21,14 @@ from flipdiagram.scenario import Scenario
 
 @dataclass(frozen=True)
 class Cell:
-    """Handles to the cell: input tau (n,) [N·m]; outputs q, qd (n,) and contact_force (9,) [N]; the parts inside."""
+    """Handles to the cell: input tau (n,) [N·m]; outputs q, qd (n,), contact_wrench (12,); the parts inside."""
 
     plant: MultibodyPlant
     parts: Parts
     tau: InputPort
     q: OutputPort
     qd: OutputPort
-    contact_force: OutputPort
+    contact_wrench: OutputPort
 
 
 CONTACT_PAIRS = ("blade-block", "table-block", "table-blade")
@@ -36,7 +36,8 @@ CONTACT_PAIRS = ("blade-block", "table-block", "table-blade")
 
 
 class ContactForces(LeafSystem):
-    """Contact forces, output `contact_force` (9,) [N]: x, y, z in world axes for each of `CONTACT_PAIRS`.
+    """Contact forces, output `contact_wrench` (12,): force x, y, z [N] in world axes for each of `CONTACT_PAIRS`, then
+    the moment [N·m] of the first pair's forces, blade on block, about the world's origin.
 
     They belong to the step that begins at t: the plant's outputs are not sampled (see `add_cell`).
     """
@@ -49,27 +50,33 @@ class ContactForces(LeafSystem):
         bodies = (parts.arm.spatula_body, parts.block, parts.table)
         self._body_of = {g: b.index() for b in bodies for g in plant.GetCollisionGeometriesForBody(b)}
         self._results = self.DeclareAbstractInputPort("contact_results", Value[ContactResults]())
-        self.DeclareVectorOutputPort("contact_force", 9, self._calc, {self._results.ticket()})
+        self.DeclareVectorOutputPort("contact_wrench", 12, self._calc, {self._results.ticket()})
 
     def _calc(self, context: Context, output: BasicVector) -> None:
-        force = np.zeros(9)
+        wrench = np.zeros(12)
         results = self._results.Eval(context)
         for i in range(results.num_hydroelastic_contacts()):
             info = results.hydroelastic_contact_info(i)
             surface = info.contact_surface()
-            # F_Ac_W acts on the body of geometry M
-            self._add(force, self._body_of.get(surface.id_N()), self._body_of.get(surface.id_M()),
-                      info.F_Ac_W().translational())  # fmt: skip
+            # F_Ac_W acts on the body of geometry M, at the centroid
+            by, on, F = self._body_of.get(surface.id_N()), self._body_of.get(surface.id_M()), info.F_Ac_W()
+            self._add(wrench, by, on, F.translational(), surface.centroid(), F.rotational())
         for i in range(results.num_point_pair_contacts()):
             pair = results.point_pair_contact_info(i)
             # contact_force acts on body B
-            self._add(force, pair.bodyA_index(), pair.bodyB_index(), pair.contact_force())
-        output.set_value(force)
+            self._add(wrench, pair.bodyA_index(), pair.bodyB_index(), pair.contact_force(), pair.contact_point(), 0.0)
+        output.set_value(wrench)
 
-    def _add(self, force: Floats, by: BodyIndex | None, on: BodyIndex | None, value: Floats) -> None:
+    def _add(
+        self, wrench: Floats, by: BodyIndex | None, on: BodyIndex | None, force: Floats, at: Floats,
+        couple: Floats | float,
+    ) -> None:  # fmt: skip
         if (slot := self._slot.get((by, on))) is not None:
             first, sign = slot
-            force[first : first + 3] += sign * value
+            wrench[first : first + 3] += sign * force
+            if first == 0:
+                (x, y, z), (fx, fy, fz) = at, force  # np.cross costs more than the rest of this method
+                wrench[9:] += sign * (couple + np.array([y * fz - z * fy, z * fx - x * fz, x * fy - y * fx]))
 
 
 def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel) -> Cell:
@@ -106,7 +113,7 @@ def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel) -> Cell
         tau=torque.get_input_port(0),
         q=state.get_output_port(0),
         qd=state.get_output_port(1),
-        contact_force=contact.get_output_port(),
+        contact_wrench=contact.get_output_port(),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import xarray as xr
 
 from flipdiagram.errors import ScenarioError
 from flipdiagram.files import atomic_path, write_summary
+from flipdiagram.provenance import code_version
 from flipdiagram.scenario import Scenario
 from flipdiagram.scenario_one_dof import Frequency, OneDof
 from flipdiagram.studies import realisations
@@ -25,6 +27,12 @@ from flipdiagram.studies.sweep import Response
 
 QUICK = {"frequency.lowest": 1.0, "frequency.count": 24, "frequency.torque_count": 9, "frequency.noise_time": 20.0}
 """The scenario of a quick run; it also leaves out the table of realisations and the other friction model."""
+SOURCES = (
+    "blocks", "compiled", "one_dof_loop", "plants", "scenario", "scenario_io", "scenario_one_dof", "scenario_parts",
+    "studies/broadband", "studies/claims", "studies/curves", "studies/frequency", "studies/laboratory",
+    "studies/realisations", "studies/sweep", "transfer",
+)  # fmt: skip
+"""Modules whose code decides what this study measures."""
 Progress = Callable[[str], None]
 
 
@@ -46,6 +54,7 @@ class FrequencyResult:
     def summary(self) -> dict[str, Any]:
         """The body of summary.json."""
         body = {
+            "code": code_version(SOURCES),
             "curves": curves_of(self.measured),
             "torque": torque_of(self.measured),
             "claims": [claim.as_dict() for claim in self.claims],
@@ -115,6 +124,18 @@ def run(
     )  # fmt: skip
     result.write()
     return result
+
+
+def stored(scenario: Scenario, out: str | Path, *, quick: bool = False) -> dict[str, Any] | None:
+    """The summary that an earlier run left in `out`, where this code would measure the same again; else None."""
+    if quick:
+        scenario = scenario.with_overrides(_quick(scenario))
+    try:
+        found: dict[str, Any] = json.loads((Path(out) / "summary.json").read_text(encoding="utf-8"))
+        same = found["code"] == code_version(SOURCES) and found["scenario"] == scenario.model_dump(mode="json")
+        return found if same and quick == ("realisations" not in found) else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
 
 
 def compare(

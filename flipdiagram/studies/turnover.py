@@ -7,11 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import xarray as xr
-
 from flipdiagram import metrics
 from flipdiagram.controller import check_architecture
-from flipdiagram.files import atomic_path, write_atomically, write_summary
+from flipdiagram.files import write_atomically, write_summary
 from flipdiagram.loop import build_loop
 from flipdiagram.metrics import FlipMetrics
 from flipdiagram.parallel import Workers
@@ -19,6 +17,7 @@ from flipdiagram.planning import Plan, plan_motion
 from flipdiagram.recording import Recording
 from flipdiagram.scenario import ARCHITECTURES, Scenario
 from flipdiagram.simulate import simulate
+from flipdiagram.studies.recordings import load_recording, save_recording
 
 QUICK_HOLD = 1.0
 """Hold time [s] of a quick run: the observer has settled to within exp(−12.6), the PD's slow pole only to exp(−2.9)."""
@@ -57,12 +56,6 @@ class TurnoverResult:
         """Write summary.json."""
         body = {"plan": self.plan.summary(), "runs": [run.as_dict() for run in self.runs]}
         return write_summary(self.out / "summary.json", "turnover", self.scenario, body)
-
-
-def load_recording(path: str | Path) -> Recording:
-    """Read a recording written by this study, whole, and close the file."""
-    with xr.open_dataset(path, engine="scipy") as data:
-        return data.load()
 
 
 def run(
@@ -113,10 +106,8 @@ def simulate_one(scenario: Scenario, architecture: str, plan: Plan, folder: Path
     """One flip: simulate, measure, write its recording."""
     flip = simulate(scenario, architecture, plan)
     measured = metrics.measure(flip.recording)
-    data = flip.recording.assign_attrs(success=int(measured.success), failure=measured.failure or "")
     name = f"{architecture}.nc"
-    with atomic_path(folder / name) as temporary:
-        data.to_netcdf(temporary, engine="scipy")
+    save_recording(flip.recording, measured, folder / name)
     return TurnoverRun(measured, flip.real_time_factor, name)
 
 

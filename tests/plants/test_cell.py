@@ -32,7 +32,7 @@ class Bench:
         self.cell = add_cell(builder, scenario, self.arm)
         source = builder.AddSystem(ConstantVectorSource(np.zeros(6) if torque is None else torque))
         builder.Connect(source.get_output_port(), self.cell.tau)
-        builder.ExportOutput(self.cell.contact_force, "force")
+        builder.ExportOutput(self.cell.contact_wrench, "wrench")
         self.diagram = builder.Build()
 
     def start(self, X_WB, V_WB=None, lock=True):
@@ -59,7 +59,7 @@ class Bench:
         return X_WB, V_WB
 
     def force(self, simulator):
-        return self.diagram.GetOutputPort("force").Eval(simulator.get_context()).reshape(3, 3)
+        return self.diagram.GetOutputPort("wrench").Eval(simulator.get_context())[:9].reshape(3, 3)
 
 
 @pytest.fixture(scope="module")

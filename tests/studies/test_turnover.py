@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from flipdiagram.scenario import ARCHITECTURES, Scenario
-from flipdiagram.studies.turnover import load_recording
+from flipdiagram.studies.recordings import load_recording
 from flipdiagram.tables import turnover_markdown
 
 COMMAND = [sys.executable, "-m", "flipdiagram.cli", "flip"]

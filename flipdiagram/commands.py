@@ -1,0 +1,169 @@
+"""The commands: each calls a study and the pictures and tables that belong to it, and prints.
+
+What a command needs is imported when it runs, so that help and errors come at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, cast
+
+from flipdiagram.files import check_output_directory, versions, write_atomically, write_summary
+from flipdiagram.terminal import console, status, summary_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from flipdiagram.grid import Grid
+    from flipdiagram.scenario import Scenario
+
+
+def print_version() -> None:
+    """flipdiagram's and Drake's."""
+    numbers = versions()
+    print(f"flipdiagram {numbers['flipdiagram']} (Drake {numbers['drake']})")
+
+
+def plan(arguments: argparse.Namespace, scenario: Scenario) -> None:
+    """Plan the motion only."""
+    out = check_output_directory(arguments.out)
+
+    from flipdiagram import figures
+    from flipdiagram.planning import plan_motion
+
+    with status(arguments.quiet) as progress:
+        progress("planning")
+        found = plan_motion(scenario)
+    write_atomically(out / "plan.json", found.to_json())
+    figures.save(cast("Figure", figures.plot_plan(found)[0].figure), out / "plan")
+    write_summary(out / "summary.json", "plan", scenario, {"plan": found.summary()})
+    if not arguments.quiet:
+        console().print(summary_table("planned motion", found.summary()))
+        print(f"written to {out}")
+
+
+def flip(arguments: argparse.Namespace, scenario: Scenario) -> None:
+    """One start under each controller."""
+    out = check_output_directory(arguments.out)
+
+    from flipdiagram.gallery import turnover_pictures
+    from flipdiagram.studies import turnover
+    from flipdiagram.tables import turnover_table
+
+    with status(arguments.quiet) as progress:
+        result = turnover.run(
+            scenario,
+            out,
+            list(dict.fromkeys(arguments.architecture)),
+            quick=arguments.quick,
+            jobs=arguments.jobs,
+            progress=progress,
+        )
+        replay = not (arguments.no_replay or arguments.quick)
+        notes = turnover_pictures(result, replay=replay, progress=progress)
+    if not arguments.quiet:
+        console().print(turnover_table(result))
+        for note in notes:
+            print(note)
+        print(f"written to {out}")
+
+
+def frequency(arguments: argparse.Namespace, scenario: Scenario) -> None:
+    """Section III."""
+    out = check_output_directory(arguments.out)
+
+    from flipdiagram.frequency_figures import write_figures
+    from flipdiagram.frequency_tables import claims_table, realisation_table, write_markdown
+    from flipdiagram.studies import frequency
+
+    with status(arguments.quiet) as progress:
+        result = frequency.run(scenario, out, quick=arguments.quick, progress=progress)
+        write_markdown(result, out)
+        write_figures(result.summary(), out)
+    if not arguments.quiet:
+        for table in [claims_table(result)] + ([realisation_table(result)] if result.rows else []):
+            console().print(table)
+        print(f"{result.steps / 1e6:.0f} M channel-steps in {result.seconds:.1f} s; written to {out}")
+
+
+def experiment(arguments: argparse.Namespace, scenario: Scenario) -> None:
+    """Section IV: all starts."""
+    out = check_output_directory(arguments.out)
+
+    from flipdiagram.experiment_figures import write_figures
+    from flipdiagram.experiment_tables import claims_grid, engine_grid, runs_grid
+    from flipdiagram.studies import experiment
+
+    with status(arguments.quiet) as progress:
+        result = experiment.run(
+            scenario,
+            out,
+            starts=arguments.starts,
+            architectures=list(dict.fromkeys(arguments.architecture)),
+            quick=arguments.quick,
+            jobs=arguments.jobs,
+            progress=progress,
+        )
+        progress("drawing figures")
+        write_figures(result)
+    if not arguments.quiet:
+        summary = result.summary()
+        _show(runs_grid(summary), claims_grid(summary), engine_grid(summary))
+        if result.quick:
+            print("a quick run: two starts only")
+        print(f"written to {out}")
+
+
+def borders(arguments: argparse.Namespace, scenario: Scenario) -> None:
+    """Where each controller stops working."""
+    out = check_output_directory(arguments.out)
+
+    from flipdiagram.border_figures import write_figures
+    from flipdiagram.border_tables import border_grid, variation_grid
+    from flipdiagram.studies import borders
+
+    with status(arguments.quiet) as progress:
+        result = borders.run(
+            scenario,
+            out,
+            maps=arguments.maps,
+            resolution=arguments.resolution,
+            quick=arguments.quick,
+            jobs=arguments.jobs,
+            progress=progress,
+        )
+        progress("drawing maps")
+        write_figures(result.summary(), out)
+    if not arguments.quiet:
+        summary = result.summary()
+        _show(border_grid(summary), variation_grid(summary))
+        if result.quick:
+            print("a quick run: few and coarse maps, no variations")
+        print(f"written to {out}")
+
+
+def report(arguments: argparse.Namespace, scenario: Scenario) -> None:
+    """Every claim, measured, in one page."""
+    out = check_output_directory(arguments.out)
+
+    from flipdiagram.report import write_report
+    from flipdiagram.report.claims import claims_grid
+
+    with status(arguments.quiet) as progress:
+        written = write_report(scenario, out, quick=arguments.quick, jobs=arguments.jobs, progress=progress)
+    if not arguments.quiet:
+        _show(claims_grid(written.summary))
+        if arguments.quick:
+            print("a quick report: coarse, two starts, not the numbers to quote")
+        print(f"written to {written.html} and {written.markdown}")
+
+
+def _show(*grids: Grid | None) -> None:
+    for grid in grids:
+        if grid is not None and grid.rows:
+            console().print(grid.rich())
+
+
+def scenario(arguments: argparse.Namespace, scenario: Scenario) -> None:
+    """Every field with its unit."""
+    print(scenario.to_yaml(comments=True), end="")

@@ -1,0 +1,115 @@
+"""Drake Diagram → drawing: DOT, SVG, PNG, Mermaid, and the table of sample times."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydrake.systems.framework import Diagram
+
+from flipdiagram.drawing.dot import render, to_dot
+from flipdiagram.drawing.graph import Graph, read_graph
+from flipdiagram.drawing.layout import FEEDBACK, Line, lines
+from flipdiagram.drawing.mermaid import to_mermaid
+from flipdiagram.drawing.rates import RateTable, rates_of
+from flipdiagram.drawing.style import Style, styled_by_rate
+from flipdiagram.errors import ScenarioError
+from flipdiagram.files import write_atomically
+from flipdiagram.loop import Loop
+
+CELL = ("scene_graph", "joint_friction", "joint_torque", "joint_state", "contact_forces")
+"""The systems of `plants.cell` beside the plant, which stand flat in the loop's diagram."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A diagram as a figure; the same text on every build of the same diagram, in any process."""
+
+    graph: Graph
+    lines: tuple[Line, ...]
+    style: Style
+    title: str | None = None
+
+    def dot(self) -> str:
+        """The figure in DOT, the language of Graphviz, which bends the arrows its own way: `svg` has them square."""
+        return to_dot(self.graph, self.lines, self.style, self.title)
+
+    def svg(self) -> str:
+        """The figure as SVG.  Raises MissingProgramError (exit code 2) where Graphviz's `dot` is not installed."""
+        return self._render("svg").decode()
+
+    def png(self) -> bytes:
+        """The figure as PNG at 96 dots per inch.  Raises MissingProgramError as `svg` does."""
+        return self._render("png")
+
+    def mermaid(self) -> str:
+        """The figure as a Mermaid flowchart."""
+        return to_mermaid(self.graph, self.lines, self.style, self.title)
+
+    def rates(self, *, unconnected: bool = False) -> RateTable:
+        """Sample times, ports and feed-through of each leaf system drawn, also of those inside closed boxes.
+
+        Ports that nothing is connected to are left out, unless `unconnected`: a MultibodyPlant has dozens.
+        """
+        systems = (pair for box in self.graph.boxes for pair in box.systems)
+        return rates_of(self.graph.diagram, systems, unconnected)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the figure by the suffix of `path`: .dot, .svg, .png, .mmd (Mermaid) or .md (Mermaid and table).
+
+        The file appears whole or not at all.  Raises ScenarioError for another suffix or a place that cannot be
+        written, MissingProgramError as `svg` does.
+        """
+        forms: dict[str, Callable[[], str | bytes]] = {
+            ".dot": self.dot, ".svg": self.svg, ".png": self.png, ".mmd": self.mermaid, ".md": self._markdown,
+        }  # fmt: skip
+        suffix = Path(path).suffix.lower()
+        if suffix not in forms:
+            raise ScenarioError(f"drawing '{path}' has the suffix '{suffix}'; choose from {', '.join(forms)}")
+        return write_atomically(path, forms[suffix]())
+
+    def _render(self, form: str) -> bytes:
+        return render(self.graph, self.lines, self.style, self.title, form)
+
+    def _markdown(self) -> str:
+        return f"```mermaid\n{self.mermaid()}```\n\n{self.rates().to_markdown()}"
+
+    def _repr_svg_(self) -> str | None:
+        return self.svg() if shutil.which("dot") else None
+
+    def _repr_markdown_(self) -> str | None:
+        # JupyterLab would show Markdown before SVG
+        return None if shutil.which("dot") else self._markdown()
+
+
+def draw(
+    diagram: Diagram | Loop,
+    *,
+    depth: int = 0,
+    title: str | None = None,
+    rates: bool = False,
+    groups: Mapping[str, Collection[str]] | None = None,
+    feedback: Collection[str] = FEEDBACK,
+    taps: bool = False,
+) -> Drawing:
+    """Draw a Diagram, ours or anyone's, or a Loop: Fig. 4 of the paper with the boxes that are there.
+
+    depth: levels of sub-diagrams and groups that are opened; rates: colour the boxes by sample time; groups: names of
+    systems of the outermost diagram drawn as one box, by its name (for a Loop, all of the cell as `robot`); feedback:
+    names of boxes on the way back, drawn from right to left; taps: draw log sinks and meters too, and in a diagram
+    without inputs the outputs that tap a signal which also goes elsewhere.
+
+    Raises ScenarioError for a depth that is no whole number >= 0, groups that do not fit, or what is no Diagram.
+    """
+    if isinstance(diagram, Loop):
+        cell = (diagram.cell.plant.get_name(), *CELL)
+        groups = {"robot": cell} if groups is None else groups
+        diagram = diagram.diagram
+    if not isinstance(diagram, Diagram):
+        raise ScenarioError(f"cannot draw a {type(diagram).__name__}; valid is a Drake Diagram or a Loop")
+    graph = read_graph(diagram, depth=depth, groups=groups, taps=taps)
+    style = styled_by_rate(graph.boxes) if rates else Style()
+    return Drawing(graph, lines(graph, feedback), style, title)

@@ -1,0 +1,126 @@
+"""Graphviz places the boxes; from there on the arrows are ours, and Graphviz draws what stands where."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+from flipdiagram.drawing.graph import Path, full_name
+from flipdiagram.drawing.layout import Line
+from flipdiagram.drawing.routes import GAP, Point, Rectangle, Route, Routes, Wire, branches, place_name
+from flipdiagram.drawing.typography import size_of
+
+ARROW = 7.0
+"""Length of an arrowhead [pt]."""
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Attributes of DOT that fix boxes, arrows and the names of signals."""
+
+    nodes: dict[str, str]
+    edges: tuple[str, ...]
+    clusters: dict[str, str]
+    frame: Rectangle
+    branches: tuple[Point, ...]
+    """Where lines that begin together part."""
+
+
+def place(laid_out: bytes, lines: tuple[Line, ...], sums: frozenset[str]) -> Placement:
+    """Final places, from the JSON of Graphviz's `dot`, with feedback below the main path."""
+    picture = json.loads(laid_out)
+    objects = {thing["name"]: thing for thing in picture.get("objects", ())}
+    boxes = {name: _box(thing) for name, thing in objects.items() if "pos" in thing}
+    areas = {name: _area(thing["bb"]) for name, thing in objects.items() if "bb" in thing}
+    turned = _feedback_is_above(boxes, lines)
+    if turned:  # textbooks have it below
+        boxes = {name: _mirrored(box) for name, box in boxes.items()}
+        areas = {name: _mirrored(area) for name, area in areas.items()}
+    boxes = _below(boxes, lines)
+    # Graphviz left room for it above, now that is below
+    title_at = {name: (a.centre[0], a.bottom + 12.0 if turned else a.top - 12.0) for name, a in areas.items()}
+    titles = [Rectangle(x - 40.0, y - 10.0, x + 40.0, y + 10.0) for x, y in title_at.values()]
+    wires = [Wire(full_name(line.source), full_name(line.target), line.net, line.main, line.backward) for line in lines]
+    routes = Routes(boxes, sums, wires, titles).all()
+    obstacles = [*boxes.values(), *titles]
+    borders = [area.outline for area in areas.values()]
+    names: list[Rectangle] = []
+    edges = []
+    for line, route in zip(lines, routes, strict=True):
+        text = f'pos="{_spline(route)}"'
+        if line.signals:
+            names.append(place_name(route, size_of(line.signals), obstacles, [*routes, *borders], names))
+            x, y = names[-1].centre
+            text += f', lp="{x:.2f},{y:.2f}"'
+        edges.append(text)
+    corners = [*boxes.values(), *areas.values(), *names]
+    xs, ys = zip(*(point for route in routes for point in route), strict=True) if lines else ((0,), (0,))
+    frame = Rectangle(
+        min([*xs, *(c.left for c in corners)]), min([*ys, *(c.bottom for c in corners)]),
+        max([*xs, *(c.right for c in corners)]), max([*ys, *(c.top for c in corners)]),
+    )  # fmt: skip
+    nodes = {name: 'pos="{:.2f},{:.2f}"'.format(*box.centre) for name, box in boxes.items()}
+    clusters = {
+        name: 'bb="{:.2f},{:.2f},{:.2f},{:.2f}"; lp="{:.2f},{:.2f}"'.format(*a.sides, *title_at[name])
+        for name, a in areas.items()
+    }
+    return Placement(nodes, tuple(edges), clusters, frame, tuple(branches(routes, wires)))
+
+
+def _feedback_is_above(boxes: dict[str, Rectangle], lines: tuple[Line, ...]) -> bool:
+    main, back = _sides(lines)
+    if not main or not back:
+        return False
+    height = [sum(boxes[full_name(path)].centre[1] for path in side) / len(side) for side in (main, back)]
+    return height[1] > height[0]
+
+
+def _below(boxes: dict[str, Rectangle], lines: tuple[Line, ...]) -> dict[str, Rectangle]:
+    """The boxes, those of the feedback that stand above a straight main path moved below it where there is room."""
+    main, back = _sides(lines)
+    heights = [boxes[full_name(path)].centre[1] for path in main]
+    if not main or max(heights) - min(heights) > 1.0:
+        return boxes
+    names = [full_name(path) for path in back if len(path) == 1]  # clusters stay as they are
+    above = [name for name in names if boxes[name].centre[1] > heights[0]]
+    placed = dict(boxes)
+    for name in above:
+        placed[name] = boxes[name].shifted(2.0 * (heights[0] - boxes[name].centre[1]))
+    if above:  # what stood below makes way for them, to leave the way from the plant free
+        floor = min(placed[name].bottom for name in above) - 5.0 * GAP
+        for name in set(names) - set(above):
+            placed[name] = placed[name].shifted(min(0.0, floor - placed[name].top))
+    pairs = ((placed[name].grown(2.0 * GAP), box) for name in names for other, box in placed.items() if other != name)
+    return boxes if any(box.overlaps(other) for box, other in pairs) else placed
+
+
+def _sides(lines: tuple[Line, ...]) -> tuple[list[Path], list[Path]]:
+    """Boxes of the main path, and those that take or give feedback beside it."""
+    main = {path: None for line in lines if line.main for path in (line.source, line.target)}
+    back = {path: None for line in lines if line.backward for path in (line.source, line.target) if path not in main}
+    return list(main), list(back)
+
+
+def _box(thing: dict) -> Rectangle:
+    x, y = map(float, thing["pos"].split(","))
+    width, height = 36.0 * float(thing["width"]), 36.0 * float(thing["height"])
+    return Rectangle(x - width, y - height, x + width, y + height)
+
+
+def _area(bb: str) -> Rectangle:
+    return Rectangle(*map(float, bb.split(",")))
+
+
+def _mirrored(area: Rectangle) -> Rectangle:
+    return Rectangle(area.left, -area.top, area.right, -area.bottom)
+
+
+def _spline(route: Route) -> str:
+    (ax, ay), (bx, by) = route[-2:]
+    length = abs(bx - ax) + abs(by - ay) or 1.0
+    cut = min(ARROW, 0.9 * length) / length
+    points = [*route[:-1], (bx + cut * (ax - bx), by + cut * (ay - by))]
+    out = [f"e,{bx:.2f},{by:.2f}", f"{points[0][0]:.2f},{points[0][1]:.2f}"]
+    for a, b in zip(points, points[1:], strict=False):
+        out += [f"{x:.2f},{y:.2f}" for x, y in (a, b, b)]
+    return " ".join(out)

@@ -1,0 +1,106 @@
+"""The experiment of section IV as tables: by architecture beside the paper, E1–E8, and the second engine's verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from flipdiagram.grid import BAD, GOOD, Grid
+
+Summary = Mapping[str, Any]
+PAPER = {
+    "turned over": {"pd": "no", "pd+ff": "no", "pd+dob": "yes", "pd+ff+dob": "yes"},
+    "position RMSE [cm]": {"pd+ff+dob": "1.10 ± 0.15, last 1.18"},
+    "acceleration RMSE [m/s²]": {"pd+dob": "4.81", "pd+ff+dob": "4.65"},
+    "joint 2, max [N m]": {"pd+dob": "224", "pd+ff+dob": "205"},
+    "velocity delay [ms]": {"pd+dob": "slight lag", "pd+ff+dob": "slight lead"},
+    "vibration after the end [mm/s]": {"pd+dob": "visible", "pd+ff+dob": "less"},
+}
+"""What section IV-B of the paper states."""
+READ: dict[str, Callable[[Mapping[str, Any]], float]] = {
+    "position RMSE [cm]": lambda run: 100 * run["position_rmse_m"],
+    "acceleration RMSE [m/s²]": lambda run: run["acceleration_rmse_m_s2"],
+    "joint 2, max [N m]": lambda run: run["max_torque_Nm"][1],
+    "velocity delay [ms]": lambda run: 1000 * run["velocity_delay_s"],
+    "vibration after the end [mm/s]": lambda run: 1000 * run["endpoint_vibration_m_s"],
+    "slip, largest [mm]": lambda run: 1000 * run["max_slip_m"],
+}
+
+
+def runs_grid(summary: Summary) -> Grid:
+    """A row a quantity, a column an architecture: mean ± standard deviation over the starts, the last, the paper's."""
+    names = summary["architectures"]
+    runs = {name: [run for run in summary["runs"] if run["architecture"] == name] for name in names}
+    rows = [["turned over", *(f"{sum(r['success'] for r in runs[name])} of {len(runs[name])}" for name in names)]]
+    for label, read in READ.items():
+        measured = {name: [read(run) for run in runs[name] if "position_rmse_m" in run] for name in names}
+        rows.append([label, *(_spread(measured[name]) for name in names)])
+    for row in rows:
+        stated = PAPER.get(row[0], {})
+        row.append(", ".join(f"{name}: {stated[name]}" for name in names if name in stated))
+    starts = ", ".join(f"{100 * y:g}" for y in summary["starts_y_m"])
+    return Grid(["", *(f"`{name}`" for name in names), "the paper"], rows, title=f"starts at y = {starts} cm")
+
+
+def _spread(values: list[float]) -> str:
+    values = [value for value in values if value is not None and np.isfinite(value)]
+    if not values:
+        return "–"
+    deviation = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
+    return f"{np.mean(values):.3g} ± {deviation:.2g}, last {values[-1]:.3g}"
+
+
+def claims_grid(summary: Summary) -> Grid:
+    """E1–E8, the numbers measured, the paper's, and what may explain a large difference."""
+    rows = [
+        [c["id"], c["text"], GOOD if c["holds"] else BAD, c["measured"], c["paper"], c["difference"] or "–"]
+        for c in summary["claims"]
+    ]
+    return Grid(["", "claim", "holds", "measured", "the paper", "remark"], rows)
+
+
+def engine_grid(summary: Summary) -> Grid | None:
+    """Verdicts of both engines on the same recorded tool motions; None where the second was not run."""
+    engines = summary.get("second_engine")
+    if not engines:
+        return None
+    rows = []
+    for name in summary["architectures"]:
+        mine = [row for row in engines["runs"] if row["architecture"] == name]
+        if not mine:
+            continue
+        drake, mujoco = (sum(row[engine]["success"] for row in mine) for engine in ("drake", "mujoco"))
+        same = sum(row["drake"]["success"] == row["mujoco"]["success"] for row in mine)
+        slip = [_largest([row[engine]["max_slip_m"] for row in mine]) for engine in ("drake", "mujoco")]
+        agree = GOOD if same == len(mine) else f"**fragile**: {same} of {len(mine)}"
+        rows.append([f"`{name}`", f"{drake} of {len(mine)}", f"{mujoco} of {len(mine)}", *slip, agree])
+    headings = ["", "Drake: turned over", "MuJoCo: turned over", "Drake: slip [mm]", "MuJoCo: slip [mm]", "agree"]
+    return Grid(headings, rows, title="the recorded tool motion with the block in MuJoCo")
+
+
+def engine_variants_grid(summary: Summary) -> Grid | None:
+    """MuJoCo's verdict and the angle at touch-down for the first start under other contact settings; None without."""
+    engines = summary.get("second_engine")
+    if not engines or not engines["variants"]:
+        return None
+    names = summary["architectures"]
+    rows = []
+    for variant in dict.fromkeys(row["variant"] for row in engines["variants"]):
+        found = {row["architecture"]: row for row in engines["variants"] if row["variant"] == variant}
+        cells = [_landing(found[name]["mujoco"]) if name in found else "–" for name in names]
+        text = next(row["settings"] for row in found.values())
+        rows.append([variant, *cells, text])
+    return Grid(["MuJoCo", *(f"`{name}`" for name in names), "settings"], rows)
+
+
+def _landing(verdict: Mapping[str, Any]) -> str:
+    landed = verdict["touchdown"]
+    angle = f", {landed['theta_rad']:.2f} rad" if landed else ""
+    return ("yes" if verdict["success"] else "no") + angle
+
+
+def _largest(values: list[float | None]) -> str:
+    known = [value for value in values if value is not None and np.isfinite(value)]
+    return f"{1000 * max(known):.1f}" if known else "–"

@@ -1,0 +1,47 @@
+"""All claims, C1–C14 and E1–E8, in one list: what the paper says, whether it holds, what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from flipdiagram.frequency_tables import FIGURES, numbers
+from flipdiagram.grid import BAD, GOOD, Grid
+from flipdiagram.studies.claims import TEXTS, Claim
+
+Summary = Mapping[str, Any]
+FREQUENCY, EXPERIMENT = "flipdiagram frequency", "flipdiagram experiment"
+
+
+def all_claims(frequency: Summary, experiment: Summary) -> list[dict[str, Any]]:
+    """One entry a claim: id, where in the paper, claim, holds, measured, the paper's number, remark, command."""
+    found = []
+    for entry in frequency["claims"]:
+        claim = Claim(entry["id"], entry["holds"], entry["measured"])
+        found.append(
+            {
+                "id": claim.id, "place": f"Fig. {FIGURES[claim.id]}", "claim": TEXTS[claim.id], "holds": claim.holds,
+                "measured": numbers(claim), "paper": "figure, no number", "remark": "", "command": FREQUENCY,
+            }
+        )  # fmt: skip
+    for entry in experiment["claims"]:
+        found.append(
+            {
+                "id": entry["id"], "place": "section IV", "claim": entry["text"], "holds": entry["holds"],
+                "measured": entry["measured"], "paper": entry["paper"], "remark": entry["difference"],
+                "command": EXPERIMENT,
+            }
+        )  # fmt: skip
+    return found
+
+
+def claims_grid(summary: Summary, *, commands: bool = False) -> Grid:
+    """The claims of a report's summary as a table; with the command that reproduces each row."""
+    headings = ["", "in the paper", "claim", "holds", "measured here", "the paper"]
+    rows = []
+    for entry in summary["claims"]:
+        remark = f" ({entry['remark']})" if entry["remark"] else ""
+        row = [entry["id"], entry["place"], entry["claim"], GOOD if entry["holds"] else f"**{BAD}**"]
+        row += [entry["measured"] + remark, entry["paper"]]
+        rows.append([*row, f"`{entry['command']}`"] if commands else row)
+    return Grid([*headings, "command"] if commands else headings, rows)

@@ -1,0 +1,127 @@
+"""The text of the report.  Every number in it comes from the studies' summaries."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from flipdiagram.border_tables import border_grid, variation_grid
+from flipdiagram.experiment_tables import engine_grid, engine_variants_grid, runs_grid
+from flipdiagram.frequency_tables import realisations_grid
+from flipdiagram.report.claims import claims_grid
+from flipdiagram.report.findings import border_sentences, fragile_sentence, lead_sentence
+from flipdiagram.report.sources import model_grid, scenario_grid
+from flipdiagram.scenario import Scenario
+
+Summary = Mapping[str, Any]
+
+FREQUENCY_FIGURES = (
+    ("fig05_gain", "Fig. 5: gain without friction"),
+    ("fig06_gain_with_friction", "Fig. 6: gain with friction"),
+    ("fig07_position_error", "Fig. 7: position error"),
+    ("fig08_phase", "Fig. 8: phase"),
+    ("fig09_torque", "Fig. 9: maximum torque"),
+    ("fig10_noise", "Fig. 10: noise gain"),
+)
+EXPERIMENT_FIGURES = (
+    ("fig13_all_starts", "Fig. 13, all starts: paths of the control point; ×: the block is lost"),
+    ("fig14_all_starts", "Fig. 14, all starts: velocities"),
+    ("fig15_all_starts", "Fig. 15, all starts: accelerations"),
+    ("by_start", "Errors, torque and delay by start; open marks: the block was lost"),
+    ("cone_use", "Friction cone used, planned and realised; at 1 the block slides"),
+)
+QUICK = "> **A quick report**: coarse, two starts, few maps. Run `flipdiagram report` for the numbers to quote.\n"
+
+
+def page(summary: Summary, studies: Mapping[str, Summary], scenario: Scenario) -> str:
+    """The report as Markdown; pictures by their paths below the report's folder."""
+    experiment, borders = studies["experiment"], studies["borders"]
+    parts = [
+        "# Reproduction report: a robot arm turns a block over",
+        QUICK if summary["quick"] else "",
+        _versions(summary),
+        "## Every claim of the paper",
+        _counts(summary),
+        claims_grid(summary, commands=True).markdown(),
+        "## Section III: what each block does",
+        _observer(summary),
+        realisations_grid(summary["realisations"]).markdown() if summary["realisations"] else "",
+        _pictures("frequency", FREQUENCY_FIGURES),
+        "## Section IV: the experiment",
+        _table(runs_grid(experiment)),
+        _pictures("experiment", EXPERIMENT_FIGURES),
+        "## Where each controller stops working",
+        _table(border_grid(borders)),
+        lead_sentence(borders),
+        *(_map(drawn) for drawn in borders["maps"]),
+        "## Is it physics or the solver?",
+        fragile_sentence(borders, experiment),
+        _table(variation_grid(borders)),
+        _table(engine_grid(experiment)),
+        _table(engine_variants_grid(experiment)),
+        "## What is assumed",
+        "Every field of the scenario; the studies above change only the fields that they name.",
+        scenario_grid(scenario).markdown(),
+        "The arm's numbers and the other models, with their sources:",
+        model_grid().markdown(),
+        "## To reproduce",
+        _commands(summary),
+    ]
+    return "\n\n".join(part.strip("\n") for part in parts if part) + "\n"
+
+
+def _versions(summary: Summary) -> str:
+    v = summary["versions"]
+    return (
+        f"flipdiagram {v['flipdiagram']}, Drake {v['drake']}, Python {v['python']}. "
+        "Every number below was measured by the run that wrote this page."
+    )
+
+
+def _counts(summary: Summary) -> str:
+    claims = summary["claims"]
+    failed = [entry["id"] for entry in claims if not entry["holds"]]
+    held = f"{len(claims) - len(failed)} of {len(claims)} claims hold in this physics"
+    return held + (f"; {', '.join(failed)} do not." if failed else ".")
+
+
+def _observer(summary: Summary) -> str:
+    o = summary["observer"]
+    cutoff = o["velocity_cutoff_rad_s"]
+    velocity = "exact velocity" if cutoff is None else f"velocity filtered at {cutoff:g} rad/s"
+    scaled = "scaled by the nominal mass" if o["reference_scaled_by_nominal_mass"] else "with the true mass"
+    more = "; which claims hold under which:" if summary["realisations"] else "."
+    return (
+        f"Observer realised with nominal-mass ratio r = {o['nominal_mass_ratio']:g}, {velocity}, reference force"
+        f" {scaled}. The textbook observer (r = 1, exact velocity) does not change the response to commands at all, so"
+        " some claims need another realisation" + more
+    )
+
+
+def _map(drawn: Summary) -> str:
+    axes = f"{drawn['x']['label']} × {drawn['y']['label']}"
+    lines = [f"### {drawn['title']}", drawn["question"], _picture("borders", f"map_{drawn['name']}", axes)]
+    return "\n\n".join([*lines, *border_sentences(drawn)])
+
+
+def _table(grid: Any) -> str:
+    if grid is None or not grid.rows:
+        return ""
+    return (f"{grid.title}:\n\n" if grid.title else "") + grid.markdown()
+
+
+def _pictures(study: str, figures: tuple[tuple[str, str], ...]) -> str:
+    return "\n\n".join(_picture(study, name, text) for name, text in figures)
+
+
+def _picture(study: str, name: str, text: str) -> str:
+    return f"![{text}]({study}/{name}.png)\n\n*{text}*"
+
+
+def _commands(summary: Summary) -> str:
+    flag = " --quick" if summary["quick"] else ""
+    return (
+        f"`flipdiagram report{flag}` writes this page. One row of a table: `flipdiagram frequency`, "
+        "`flipdiagram experiment`, `flipdiagram borders --maps NAME`; one cell of a map or one variation: "
+        "`flipdiagram flip` with the fields it sets as options, listed under `overrides` in `borders/summary.json`."
+    )

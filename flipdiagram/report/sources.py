@@ -1,0 +1,55 @@
+"""Every number that a run assumes: its value, unit, and where it comes from, read from the scenario and the models."""
+
+from __future__ import annotations
+
+import re
+
+from flipdiagram import scenario_io
+from flipdiagram.assets import urdf_directory
+from flipdiagram.grid import Grid
+from flipdiagram.scenario import Scenario
+
+ORIGINS = {
+    "p": "the paper",
+    "H": "published data, high confidence",
+    "M": "published data, medium confidence",
+    "L": "published data or memory, low confidence",
+    "o": "our choice",
+}
+NOT_ASSUMED = ("frequency",)
+"""Sections that say how a study measures, not what it assumes."""
+
+
+def scenario_grid(scenario: Scenario) -> Grid:
+    """A row for every field of the scenario: value, unit, meaning, origin."""
+    rows = []
+    for path in scenario_io.field_paths(Scenario):
+        section, name = path.split(".")
+        if section in NOT_ASSUMED:
+            continue
+        description = scenario_io.section_of(Scenario, section).model_fields[name].description or ""
+        text, _, unit = description.removesuffix("]").rpartition(" [")
+        if not text:
+            text, unit = description, ""
+        mark = re.search(r"\s*\(([pHMLo])(?::\s*([^)]*))?\)", text)
+        value = getattr(getattr(scenario, section), name)
+        origin = ORIGINS[mark[1]] + (f": {mark[2]}" if mark[2] else "") if mark else _unmarked(name, value)
+        plain = re.sub(r"\s*\([pHMLo](?::[^)]*)?\)", "", text)
+        rows.append([f"`{path}`", scenario_io.show(value), "" if unit == "1" else unit, plain, origin])
+    return Grid(["field", "value", "unit", "meaning", "origin"], rows)
+
+
+def _unmarked(name: str, value: object) -> str:
+    neutral = value is None or value == 0 or ("scale" in name and value == 1)
+    return "neutral: changes nothing" if neutral else ORIGINS["o"]
+
+
+def model_grid() -> Grid:
+    """A row for every comment on a number in `urdf/`: file, and what it says with its confidence [H] [M] [L]."""
+    rows = []
+    for path in sorted(urdf_directory().glob("*df")):
+        for comment in re.findall(r"<!--(.*?)-->", path.read_text(encoding="utf-8"), re.DOTALL):
+            for part in re.split(r"\n\s*\n", comment.strip()):
+                if re.search(r"\[[HML]", part):
+                    rows.append([f"`urdf/{path.name}`", " ".join(part.split())])
+    return Grid(["file", "number and source, confidence [H] high [M] medium [L] low"], rows)
