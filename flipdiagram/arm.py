@@ -28,6 +28,7 @@ from pydrake.multibody.tree import (
 from pydrake.symbolic import Expression
 
 from flipdiagram import assets, inverse_kinematics, task_space
+from flipdiagram.arm_files import ArmFile
 from flipdiagram.assembly import REFLECTED_INERTIA_SCALE, ArmHandles, add_arm
 from flipdiagram.errors import ScenarioError
 from flipdiagram.task_space import AXES, UNITS
@@ -59,7 +60,7 @@ class ArmModel:
         reflected_inertia_scales: Sequence[float] | None = None,
         payload_mass: float = 0.0,
         payload_inertia: float = 0.0,
-        arm: str | None = None,
+        arm: ArmFile | str | None = None,
         spatula: str | None = None,
     ) -> None:
         """As `add_arm`; payload_mass [kg] rides at C, with payload_inertia [kg m^2] about x.
@@ -95,13 +96,18 @@ class ArmModel:
         by_name = {name: plant.GetJointByName(name, handles.arm) for name in handles.rated_torques}
         self.joint_names = tuple(sorted(by_name, key=lambda name: by_name[name].velocity_start()))
         self.n_joints = plant.num_velocities()
-        self.q_min = np.array(plant.GetPositionLowerLimits(), dtype=float)
-        self.q_max = np.array(plant.GetPositionUpperLimits(), dtype=float)
+        # a joint that turns without end may turn once either way
+        self.q_min = np.maximum(np.array(plant.GetPositionLowerLimits(), dtype=float), -2 * np.pi)
+        self.q_max = np.minimum(np.array(plant.GetPositionUpperLimits(), dtype=float), 2 * np.pi)
         self.qd_max = np.array(plant.GetVelocityUpperLimits(), dtype=float)
         self.tau_max = np.array(plant.GetEffortUpperLimits(), dtype=float)
         self.tau_rated = np.array([handles.rated_torques[name] for name in self.joint_names])
-        self.home = np.array([handles.home[name] for name in self.joint_names])
+        if self.n_joints < len(AXES):
+            raise ScenarioError(f"the arm has {self.n_joints} moving joints; valid are at least {len(AXES)}")
         self._bind(plant, float)
+        self.knows_home = handles.home is not None
+        home = handles.home or dict(zip(self.joint_names, (self.q_min + self.q_max) / 2, strict=True))
+        self.home = np.array([home[name] for name in self.joint_names])
 
     def _bind(self, plant: Any, scalar: Any) -> None:
         self.plant = plant
@@ -193,15 +199,24 @@ class ArmModel:
 
     # Inverse kinematics: the searches are in inverse_kinematics.py
 
-    def inverse_kinematics(self, x_task: ArrayLike, q_seed: ArrayLike | None = None, tol: float = 1e-10) -> Array:
+    def inverse_kinematics(
+        self,
+        x_task: ArrayLike,
+        q_seed: ArrayLike | None = None,
+        tol: float = 1e-10,
+        through: Sequence[ArrayLike] = (),
+    ) -> Array:
         """Joint angles q (n,) [rad] of the task pose x_task (6,), on the branch of the seed, error below tol.
 
-        The search starts from q_seed (default `home`), then from `home`, each time first directly, then along
-        the straight line in task space. Raises PlanningError naming the pose, and the joint and its limit
-        where one stands in the way.
+        The search starts from q_seed (default `home`), then from `home`, each time first directly, then along the
+        straight line in task space; an arm that knows no home is searched over all its joint space instead, for
+        angles from which the poses `through`, each (6,), can be reached too. Raises PlanningError naming the pose,
+        and the joint and its limit where one stands in the way.
         """
         target = self._task("x_task", x_task, 1)
         seed = self.home if q_seed is None else self._joints("q_seed", q_seed)
+        if q_seed is None and not self.knows_home:
+            return inverse_kinematics.search(self, target, tol, [self._task("through", pose, 1) for pose in through])
         return inverse_kinematics.pose(self, target, [seed, self.home], tol)
 
     def inverse_kinematics_path(

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flipdiagram.arm_files import ArmFile, made_ready
 from flipdiagram.errors import ScenarioError
 
 DRAKE = "http://drake.mit.edu"
@@ -37,7 +38,7 @@ def model_path(name: str) -> Path:
 
 
 def arm_urdf(
-    file: str | Path | None = None,
+    own: ArmFile | None = None,
     *,
     link_inertia_scale: float = 1.0,
     reflected_inertia_scale: float = 1.0,
@@ -46,14 +47,16 @@ def arm_urdf(
     link_inertia_scales: Sequence[float] | None = None,
     reflected_inertia_scales: Sequence[float] | None = None,
 ) -> str:
-    """URDF text of the arm with its numbers scaled; `file` is a URDF of the user's own (default: mh3f.urdf).
+    """URDF text of the arm with its numbers scaled; `own` is a URDF of the user's own (default: mh3f.urdf).
 
     link_inertia_scale multiplies mass and inertia of every link, reflected_inertia_scale every rotor inertia,
     speed_scale every velocity limit, torque_scale every effort limit (the peak; friction is a fraction of the
     rated torque, which stays). Numbers without unit, above 0 (reflected_inertia_scale: 0 too).
     link_inertia_scales and reflected_inertia_scales multiply those of the link and rotor of each joint, in order.
     """
-    root = _parse(model_path("mh3f.urdf") if file is None else Path(file))
+    root = _parse(model_path("mh3f.urdf") if own is None else Path(own.path))
+    if own is not None:
+        made_ready(root, own.base, own.flange, own.path)
     for name, scale, path, attributes in (
         ("link_inertia_scale", link_inertia_scale, "link/inertial/mass", ("value",)),
         (
@@ -114,11 +117,16 @@ def rated_torques(arm_text: str) -> dict[str, float]:
     }
 
 
-def home_angles(arm_text: str) -> dict[str, float]:
-    """Angle near the start pose [rad] by joint name from the `home` attribute, or the middle of the range."""
+def home_angles(arm_text: str) -> dict[str, float] | None:
+    """Angle near the start pose [rad] by joint name from the `home` attributes, the middle of the range where one is
+    missing; None where all are.
+    """
+    limits = _joint_limits(arm_text)
+    if not any("home" in limit.attrib for limit in limits.values()):
+        return None
     return {
         name: float(limit.get("home", (float(limit.get("lower", 0)) + float(limit.get("upper", 0))) / 2))
-        for name, limit in _joint_limits(arm_text).items()
+        for name, limit in limits.items()
     }
 
 

@@ -9,7 +9,9 @@ of the paper's text; this is its reconstruction from section II-C.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
@@ -27,7 +29,14 @@ from flipdiagram.blocks.tool_kinematics import ToolKinematics
 from flipdiagram.blocks.torque_limit import TorqueLimit
 from flipdiagram.contact import Floats
 from flipdiagram.errors import ScenarioError
+from flipdiagram.replacement import Box, chosen, misfit
 from flipdiagram.scenario import ARCHITECTURES, Scenario
+
+SIGNALS = (
+    "x_cmd", "v_cmd", "a_cmd", "x", "v", "q", "qd", "a_ref", "qdd_ref", "tau_ref", "tau_dis", "tau_gravity", "tau_cmd",
+    "tau",
+)  # fmt: skip
+"""Signals that a box may take as inputs, by the names of the figure."""
 
 
 @dataclass(frozen=True)
@@ -75,62 +84,59 @@ def add_controller(
     q: OutputPort,
     qd: OutputPort,
     offset: float = 0.0,
+    replace: Mapping[str, Box] | None = None,
 ) -> ControllerBoxes:
     """Add the boxes of an architecture, wired to the MPC's commands and the measured q, qd; the caller takes tau.
 
-    Boxes are named as in the figure.  offset [s] is that of the sampled boxes.  Raises ScenarioError for an unknown
-    architecture or a nominal inertia that does not fit the arm.
+    Boxes are named as in the figure.  offset [s] is that of the sampled boxes.  replace: boxes of the user's own by
+    name, see `replacement.chosen`.  Raises ScenarioError for an unknown architecture, a nominal inertia that does not
+    fit the arm, or a box that does not fit its place.
     """
     parts = check_architecture(architecture).split("+")
     settings, n = scenario.controller, arm.n_joints
     inertia = nominal_inertia(scenario, arm, q_start)
-    add, connect = builder.AddNamedSystem, builder.Connect
+    connect = builder.Connect
 
-    pd = add("pd", ProportionalDerivative(np.full(CHANNELS, settings.k_p), np.full(CHANNELS, settings.k_v)))
-    feedforward = add("feedforward", AccelerationFeedforward(CHANNELS)) if "ff" in parts else None
-    inverse_jacobian = add("inverse_jacobian", InverseJacobian(arm, n, CHANNELS))
-    reference = add("nominal_inertia", NominalInertia(inertia))
-    observer = None
+    ours: dict[str, LeafSystem] = {
+        "pd": ProportionalDerivative(np.full(CHANNELS, settings.k_p), np.full(CHANNELS, settings.k_v)),
+        "inverse_jacobian": InverseJacobian(arm, n, CHANNELS, settings.k_v),
+        "nominal_inertia": NominalInertia(inertia),
+        "torque_limit": TorqueLimit(arm.tau_max),
+        "tool_kinematics": ToolKinematics(arm, n, CHANNELS),
+    }
+    if "ff" in parts:
+        ours["feedforward"] = AccelerationFeedforward(CHANNELS)
     if "dob" in parts:
         g_dis = np.full(n, settings.g_dis)
-        observer = add("disturbance_observer", DisturbanceObserver(g_dis, inertia, settings.period, offset))
-    limit = add("torque_limit", TorqueLimit(arm.tau_max))
-    kinematics = add("tool_kinematics", ToolKinematics(arm, n, CHANNELS))
-
-    for box in (kinematics, inverse_jacobian):
-        connect(q, box.GetInputPort("q"))
-        connect(qd, box.GetInputPort("qd"))
-    for signal in ("x_cmd", "v_cmd"):
-        connect(mpc.GetOutputPort(signal), pd.GetInputPort(signal))
-    for signal in ("x", "v"):
-        connect(kinematics.GetOutputPort(signal), pd.GetInputPort(signal))
-
-    a_ref = pd.GetOutputPort("a_ref")
-    if feedforward is not None:
-        connect(mpc.GetOutputPort("a_cmd"), feedforward.GetInputPort("a_cmd"))
-        a_ref = _sum(builder, "a_ref_sum", a_ref, feedforward.GetOutputPort("a_ff"))
-    connect(a_ref, inverse_jacobian.GetInputPort("a_ref"))
-    connect(inverse_jacobian.GetOutputPort("qdd_ref"), reference.GetInputPort("qdd_ref"))
-
-    terms, observed = [reference.GetOutputPort("tau_ref")], limit.GetOutputPort("tau")
-    if observer is not None:
-        terms.append(observer.GetOutputPort("tau_dis"))
-    gravity = None
+        ours["disturbance_observer"] = DisturbanceObserver(g_dis, inertia, settings.period, offset)
     if settings.gravity_compensation > 0:
-        gravity = add("gravity_compensation", GravityCompensation(arm, settings.gravity_compensation, n))
-        connect(q, gravity.GetInputPort("q"))
-        terms.append(gravity.GetOutputPort("tau_gravity"))
-        if observer is not None:
-            # what is fed forward must not be observed as a disturbance too, or it would count twice
-            minus = add("minus_gravity", Gain(-1.0, n))
-            connect(gravity.GetOutputPort("tau_gravity"), minus.get_input_port())
-            observed = _sum(builder, "tau_observed", observed, minus.get_output_port())
-    if observer is not None:
-        connect(observed, observer.GetInputPort("tau"))
-        connect(qd, observer.GetInputPort("qd"))
-    tau = _sum(builder, "tau_sum", *terms) if len(terms) > 1 else terms[0]
-    connect(tau, limit.GetInputPort("tau_cmd"))
-    return ControllerBoxes(pd, inverse_jacobian, reference, limit, kinematics, feedforward, observer, gravity)
+        ours["gravity_compensation"] = GravityCompensation(arm, settings.gravity_compensation, n)
+    placed = chosen(ours, replace or {}, SIGNALS, architecture)
+    boxes = {name: builder.AddNamedSystem(name, box) for name, box in placed.items()}
+
+    signals = {name: mpc.GetOutputPort(name) for name in ("x_cmd", "v_cmd", "a_cmd")} | {"q": q, "qd": qd}
+    for box in boxes.values():
+        signals |= {box.get_output_port(i).get_name(): box.get_output_port(i) for i in range(box.num_output_ports())}
+    if "feedforward" in boxes:
+        signals["a_ref"] = _sum(builder, "a_ref_sum", signals["a_ref"], signals["a_ff"])
+    torques = [signals[name] for name in ("tau_ref", "tau_dis", "tau_gravity") if name in signals]
+    signals["tau_cmd"] = _sum(builder, "tau_sum", *torques) if len(torques) > 1 else torques[0]
+    observed = signals["tau"]
+    if "gravity_compensation" in boxes and "disturbance_observer" in boxes:
+        # what is fed forward must not be observed as a disturbance too, or it would count twice
+        minus = builder.AddNamedSystem("minus_gravity", Gain(-1.0, n))
+        connect(signals["tau_gravity"], minus.get_input_port())
+        observed = _sum(builder, "tau_observed", observed, minus.get_output_port())
+
+    for name, box in boxes.items():
+        for i in range(box.num_input_ports()):
+            port = box.get_input_port(i)
+            taken = observed if (name, port.get_name()) == ("disturbance_observer", "tau") else signals[port.get_name()]
+            if taken.size() != port.size():
+                raise misfit(name, f"input port '{port.get_name()}' has size {port.size()}", f"{taken.size()}")
+            connect(taken, port)
+    found: dict[str, Any] = {field.name: boxes.get(field.name) for field in fields(ControllerBoxes)}
+    return ControllerBoxes(**found)
 
 
 def _sum(builder: DiagramBuilder, name: str, *terms: OutputPort) -> OutputPort:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flipdiagram.grid import BAD, GOOD, Grid
+from flipdiagram.grid import GOOD, Grid, verdict
 
 Summary = Mapping[str, Any]
 PAPER = {
@@ -20,12 +20,12 @@ PAPER = {
 }
 """What section IV-B of the paper states."""
 READ: dict[str, Callable[[Mapping[str, Any]], float]] = {
-    "position RMSE [cm]": lambda run: 100 * run["position_rmse_m"],
-    "acceleration RMSE [m/s²]": lambda run: run["acceleration_rmse_m_s2"],
-    "joint 2, max [N m]": lambda run: run["max_torque_Nm"][1],
-    "velocity delay [ms]": lambda run: 1000 * run["velocity_delay_s"],
-    "vibration after the end [mm/s]": lambda run: 1000 * run["endpoint_vibration_m_s"],
-    "slip, largest [mm]": lambda run: 1000 * run["max_slip_m"],
+    "position RMSE [cm]": lambda run: _times(100, run["position_rmse_m"]),
+    "acceleration RMSE [m/s²]": lambda run: _times(1, run["acceleration_rmse_m_s2"]),
+    "joint 2, max [N m]": lambda run: _times(1, run["max_torque_Nm"][1]),
+    "velocity delay [ms]": lambda run: _times(1000, run["velocity_delay_s"]),
+    "vibration after the end [mm/s]": lambda run: _times(1000, run["endpoint_vibration_m_s"]),
+    "slip, largest [mm]": lambda run: _times(1000, run["max_slip_m"]),
 }
 
 
@@ -44,8 +44,13 @@ def runs_grid(summary: Summary) -> Grid:
     return Grid(["", *(f"`{name}`" for name in names), "the paper"], rows, title=f"starts at y = {starts} cm")
 
 
+def _times(factor: float, value: float | None) -> float:
+    # summary.json writes nan, such as the slip of a block that was lost before the motion, as null
+    return float("nan") if value is None else factor * value
+
+
 def _spread(values: list[float]) -> str:
-    values = [value for value in values if value is not None and np.isfinite(value)]
+    values = [value for value in values if np.isfinite(value)]
     if not values:
         return "–"
     deviation = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
@@ -55,7 +60,7 @@ def _spread(values: list[float]) -> str:
 def claims_grid(summary: Summary) -> Grid:
     """E1–E8, the numbers measured, the paper's, and what may explain a large difference."""
     rows = [
-        [c["id"], c["text"], GOOD if c["holds"] else BAD, c["measured"], c["paper"], c["difference"] or "–"]
+        [c["id"], c["text"], verdict(c["holds"]), c["measured"], c["paper"], c["difference"] or "–"]
         for c in summary["claims"]
     ]
     return Grid(["", "claim", "holds", "measured", "the paper", "remark"], rows)
@@ -72,7 +77,7 @@ def engine_grid(summary: Summary) -> Grid | None:
         if not mine:
             continue
         drake, mujoco = (sum(row[engine]["success"] for row in mine) for engine in ("drake", "mujoco"))
-        same = sum(row["drake"]["success"] == row["mujoco"]["success"] for row in mine)
+        same = sum(row["agree"] for row in mine)
         slip = [_largest([row[engine]["max_slip_m"] for row in mine]) for engine in ("drake", "mujoco")]
         agree = GOOD if same == len(mine) else f"**fragile**: {same} of {len(mine)}"
         rows.append([f"`{name}`", f"{drake} of {len(mine)}", f"{mujoco} of {len(mine)}", *slip, agree])

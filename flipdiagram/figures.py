@@ -71,7 +71,6 @@ NAMES = {
 }
 WITH_OBSERVER = ("pd+dob", "pd+ff+dob")
 AXES = ("y", "z", "theta")
-JOINTS = tuple("SLURBT")
 LABELS = {
     "x": ("y [m]", "z [m]", "θ [rad]"),
     "v": ("$v_y$ [m/s]", "$v_z$ [m/s]", "$v_θ$ [rad/s]"),
@@ -158,15 +157,21 @@ def plot_sliding_angle(recordings: Recordings, ax: Axes | None = None) -> Axes:
 
 def plot_torques(recordings: Recordings, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
     """Joint torques as sent, one panel a joint."""
-    own, axes = axes is None, list(new_axes(6, (9.0, 4.8), columns=3) if axes is None else axes)
+    joints = [str(name) for name in next(iter(recordings.values()))["joint"].values] if recordings else []
+    rows = -(-len(joints) // 3) or 1
+    own, axes = axes is None, list(new_axes(3 * rows, (9.0, 2.4 * rows), columns=3) if axes is None else axes)
     for name, recording in _command_first(recordings)[1:]:
         window = _motion(recording)
-        for ax, values in zip(axes, window["tau"].values.T, strict=True):
+        for ax, values in zip(axes, window["tau"].values.T, strict=False):
             _line(ax, window["time"], values, name)
-    for letter, ax in zip(JOINTS, axes, strict=True):
-        ax.set(ylabel=rf"$τ_{letter}$ [N m]")
-    for ax in axes[3:]:
+    for name, ax in zip(joints, axes, strict=False):
+        # one letter reads as an index, a longer name does not
+        ax.set_ylabel(rf"$τ_{name}$ [N m]" if len(name) == 1 else f"τ {name.removesuffix('_joint')} [N m]")
+    for ax in axes[len(joints) :]:
+        ax.set_visible(False)
+    for ax in axes[max(0, len(joints) - 3) :]:
         ax.set_xlabel("time [s]")
+        ax.tick_params(labelbottom=True)
     _finish(axes, own)
     return axes
 

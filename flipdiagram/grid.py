@@ -9,6 +9,11 @@ from typing import Any
 GOOD, BAD = "yes", "no"
 
 
+def verdict(holds: bool | None) -> str:
+    """'yes', 'no', or 'not judged' for None."""
+    return "not judged" if holds is None else GOOD if holds else BAD
+
+
 @dataclass(frozen=True)
 class Grid:
     """Headings and rows of texts; columns whose heading is in `right` are set flush right."""

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import qmc
 
 from flipdiagram import task_space
 from flipdiagram.errors import PlanningError
@@ -17,6 +18,8 @@ Array = NDArray[Any]
 ITERATIONS = 80
 STEP_MAX = 0.3  # [rad] largest Newton step: keeps the search on the branch of the seed
 LINE_STEPS = 40  # poses on the line from seed to target
+SEEDS = 96  # starts of `search`
+COMFORT = 0.4  # [rad] distance to a joint limit from which there is room enough
 DAMPING_START, DAMPING_MIN, DAMPING_MAX = 1e-9, 1e-12, 1e3  # of J J^T; a regular pose has entries of 0.1 to 1
 
 
@@ -49,6 +52,45 @@ def pose(arm: Kinematics, target: Array, seeds: Sequence[Array], tol: float) -> 
                 outside = q if outside is None else outside
     reason = "no joint angles found" if outside is None else _limit_message(arm, outside)
     raise PlanningError(f"the arm cannot reach the pose {task_space.describe(target)}: {reason}")
+
+
+def search(arm: Kinematics, target: Array, tol: float, through: Sequence[Array] = ()) -> Array:
+    """The best-conditioned joint angles (n,) [rad] at the task pose target (6,), from seeds spread over joint space.
+
+    through: further poses (6,) that must be reachable from there, one after the other, within the limits.  Best: the
+    largest smallest singular value of J over all of them, far from joint limits.  The seeds are a Halton sequence, the
+    same in every run.  Raises PlanningError naming the pose where none leads there.
+    """
+    seeds = qmc.Halton(len(arm.q_min), scramble=False).random(SEEDS + 1)[1:]  # the first is the corner
+    best: Array | None = None
+    largest = 0.0
+    for seed in arm.q_min + seeds * (arm.q_max - arm.q_min):
+        q = newton(arm, target, seed, tol)
+        if q is None:
+            continue
+        q = (q + np.pi) % (2 * np.pi) - np.pi
+        # the margin keeps rounding from choosing between mirror images
+        if (smallest := _conditioned(arm, q, through, tol)) > 1.001 * largest:
+            best, largest = q, smallest
+    if best is None:
+        raise PlanningError(f"the arm cannot reach the pose {task_space.describe(target)}: no joint angles found")
+    return best
+
+
+def _conditioned(arm: Kinematics, q: Array, through: Sequence[Array], tol: float) -> float:
+    """The smallest singular value of J at q and on the way through the poses, less where a joint is near its limit.
+
+    0 where the way is lost or leaves the limits.
+    """
+    smallest = np.inf
+    for pose_on_the_way in [None, *through]:
+        found = q if pose_on_the_way is None else along_line(arm, pose_on_the_way, q, tol)
+        if found is None or not _inside(arm, found).all():
+            return 0.0
+        q = found
+        room = min(1.0, float(np.minimum(q - arm.q_min, arm.q_max - q).min()) / COMFORT)
+        smallest = min(smallest, room * float(np.linalg.svd(arm.task_jacobian(q)[1], compute_uv=False)[-1]))
+    return smallest
 
 
 def path(arm: Kinematics, targets: Array, first: Array, tol: float, *, check_limits: bool) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,11 +16,13 @@ from flipdiagram.blocks.mpc import ModelPredictiveController
 from flipdiagram.blocks.sensors import Encoder, PseudoDerivative
 from flipdiagram.contact import Floats
 from flipdiagram.controller import ControllerBoxes, add_controller
+from flipdiagram.errors import ScenarioError
 from flipdiagram.parts import arm_of
 from flipdiagram.planning.limits import task_pose
 from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.planner import Planner
 from flipdiagram.plants.cell import Cell, add_cell
+from flipdiagram.replacement import Box
 from flipdiagram.scenario import Scenario
 
 
@@ -63,12 +65,14 @@ def build_loop(
     architecture: str = "pd+ff+dob",
     planner: Callable[[], Plan] | None = None,
     record: bool = False,
+    replace: Mapping[str, Box] | None = None,
 ) -> Loop:
     """Wire MPC, controller, sensors and cell of a scenario into one diagram, boxes named as in Fig. 4.
 
     planner: what the MPC calls at the start of a run, by default the scenario's own; record: add sinks that log the
-    signals every controller period.  Raises ScenarioError for an unknown architecture or a bad number, PlanningError
-    where the arm cannot be at the start pose.
+    signals every controller period; replace: boxes of the user's own by name, {"pd": MyController}, see
+    `replacement.chosen`.  Raises ScenarioError for an unknown architecture, a bad number or a box that does not fit,
+    PlanningError where the arm cannot be at the start pose.
     """
     arm = arm_of(scenario)
     motion = Planner(scenario, arm)
@@ -86,7 +90,9 @@ def build_loop(
     )
     cell = add_cell(builder, scenario, arm)
     q, qd = _sensed(builder, scenario, cell, n, offset)
-    boxes = add_controller(builder, scenario, architecture, arm, q_start, mpc=mpc, q=q, qd=qd, offset=offset)
+    boxes = add_controller(
+        builder, scenario, architecture, arm, q_start, mpc=mpc, q=q, qd=qd, offset=offset, replace=replace
+    )
     tau = boxes.torque_limit.GetOutputPort("tau")
     if fine:
         held = builder.AddNamedSystem("hold", ZeroOrderHold(settings.period, n, offset))
@@ -109,7 +115,13 @@ def build_loop(
         for name, port in signals.items():
             logs[name] = builder.AddNamedSystem(f"log_{name}", VectorLogSink(port.size(), settings.period))
             builder.Connect(port, logs[name].get_input_port())
-    diagram = builder.Build()
+    try:
+        diagram = builder.Build()
+    except RuntimeError as error:
+        if "algebraic loop" not in str(error) or not replace:
+            raise
+        text = str(error).splitlines()[0]
+        raise ScenarioError(f"replace: {', '.join(replace)} closes an algebraic loop: {text}") from None
     diagram.set_name(architecture)
     return Loop(diagram, scenario, architecture, arm, mpc, boxes, cell, q_start, logs)
 

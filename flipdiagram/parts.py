@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydrake.geometry import GeometrySet
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import RigidBody, SpatialInertia
+from pydrake.multibody.tree import BodyIndex, RigidBody, SpatialInertia
 
 from flipdiagram.arm import ArmModel
+from flipdiagram.arm_files import ArmFile
 from flipdiagram.assembly import ArmHandles, add_arm
 from flipdiagram.assets import block_sdf, spatula_urdf, table_sdf
+from flipdiagram.errors import ScenarioError
 from flipdiagram.scenario import Scenario
+from flipdiagram.scenario_parts import OWN_ARM
 
+MASS_TOLERANCE = 0.01
+"""Relative difference allowed between the mass of an object's file and the scenario's."""
 PAYLOAD_RADIUS = 0.03
 """Radius [m] of the sphere that stands for an unknown payload."""
 
@@ -47,12 +54,64 @@ def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
         hydroelastic_modulus=physics.hydroelastic_modulus,
         hunt_crossley_dissipation=physics.dissipation,
     )
-    (block_model,) = Parser(plant).AddModelsFromString(block, "sdf")
+    block_body = _add_own_object(plant, scenario) if thing.file else _only_body(plant, block)
     (table_model,) = Parser(plant).AddModelsFromString(table_sdf(friction=scenario.table.friction), "sdf")
     table = plant.GetBodyByName("table", table_model)
     top: Any = np.array([scenario.task.start_x, scenario.task.target_y, scenario.table.height])
     plant.WeldFrames(plant.world_frame(), table.body_frame(), RigidTransform(top))
-    return Parts(arm, plant.GetBodyByName("block", block_model), table)
+    _leave_out_collisions(plant, arm)
+    return Parts(arm, block_body, table)
+
+
+def _only_body(plant: MultibodyPlant, sdf: str) -> RigidBody:
+    (model,) = Parser(plant).AddModelsFromString(sdf, "sdf")
+    return plant.get_body(plant.GetBodyIndices(model)[0])
+
+
+def _add_own_object(plant: MultibodyPlant, scenario: Scenario) -> RigidBody:
+    """The object of the user's own file, whose mass the planner must know."""
+    file, thing = str(scenario.object.file), scenario.object
+    try:
+        (model,) = Parser(plant).AddModels(file)
+    except (RuntimeError, ValueError) as error:
+        raise ScenarioError(f"object.file = '{file}' cannot be read: {error}") from None
+    bodies = [plant.get_body(i) for i in plant.GetBodyIndices(model)]
+    if len(bodies) != 1:
+        raise ScenarioError(f"object.file = '{file}' has {len(bodies)} bodies; valid is one")
+    mass = bodies[0].default_mass()
+    if abs(mass - thing.mass) > MASS_TOLERANCE * thing.mass:
+        raise ScenarioError(f"object.file = '{file}' weighs {mass:g} kg; valid is object.mass = {thing.mass:g} kg")
+    return bodies[0]
+
+
+def _leave_out_collisions(plant: MultibodyPlant, arm: ArmHandles) -> None:
+    """An own arm's collision shapes that its format could not leave out touch nothing."""
+    if not plant.geometry_source_is_registered():
+        return
+    bodies = [plant.get_body(i) for i in plant.GetBodyIndices(arm.arm)]
+    shapes = [g for body in bodies for g in plant.GetCollisionGeometriesForBody(body)]
+    if not shapes:
+        return
+    all_bodies = [plant.get_body(BodyIndex(i)) for i in range(plant.num_bodies())]
+    others = [g for body in all_bodies for g in plant.GetCollisionGeometriesForBody(body) if g not in shapes]
+    mine = GeometrySet(shapes)
+    for group in (("arm", mine), ("everything else", GeometrySet(others))):
+        plant.ExcludeCollisionGeometriesWithCollisionFilterGroupPair(("arm", mine), group)
+
+
+def _arm_file(scenario: Scenario) -> ArmFile | None:
+    arm = scenario.arm
+    if arm.file is None:
+        return None
+    per_joint = {name: getattr(arm, name) for name in OWN_ARM}
+    return ArmFile(arm.file, arm.base, arm.flange, arm.base_pose, arm.mount_angle, **per_joint)
+
+
+def _own_tool(file: str) -> str:
+    try:
+        return Path(file).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScenarioError(f"tool.file = '{file}' cannot be read: {error}") from None
 
 
 def _add_payload(plant: MultibodyPlant, arm: ArmHandles, mass: float) -> None:
@@ -65,7 +124,7 @@ def _add_payload(plant: MultibodyPlant, arm: ArmHandles, mass: float) -> None:
 
 def _arm_options(scenario: Scenario) -> dict[str, Any]:
     arm, tool = scenario.arm, scenario.tool
-    spatula = spatula_urdf(
+    spatula = _own_tool(tool.file) if tool.file else spatula_urdf(
         blade_size=(tool.blade_length, tool.blade_width, tool.blade_thickness),
         tool_length=tool.reach,
         mass=tool.mass,
@@ -79,5 +138,6 @@ def _arm_options(scenario: Scenario) -> dict[str, Any]:
         "torque_scale": arm.torque_scale,
         "link_inertia_scales": arm.link_inertia_scales,
         "reflected_inertia_scales": arm.reflected_inertia_scales,
+        "arm": _arm_file(scenario),
         "spatula": spatula,
     }

@@ -24,6 +24,8 @@ from flipdiagram.scenario_io import Section, invalid, quantity
 from flipdiagram.scenario_one_dof import Frequency, OneDof, check_nyquist
 from flipdiagram.scenario_parts import JOINTS, Arm, Disturbance, JointFriction, Object, Table, Tool
 
+FILES = ("arm.file", "tool.file", "object.file")
+"""Fields that name a model file."""
 ARCHITECTURES = ("pd", "pd+ff", "pd+dob", "pd+ff+dob")
 Architecture = Literal["pd", "pd+ff", "pd+dob", "pd+ff+dob"]
 
@@ -117,8 +119,8 @@ class Controller(Section):
     @model_validator(mode="after")
     def _positive_inertia(self) -> Controller:
         values = self.nominal_inertia
-        if values is not None and (len(values) != len(JOINTS) or min(values) <= 0):
-            valid = f"a number above 0 [kg m2] for each joint {' '.join(JOINTS)}, or null"
+        if values is not None and (not values or min(values) <= 0):
+            valid = "a number above 0 [kg m2] for each joint, or null"
             raise invalid("nominal_inertia", values, valid)
         return self
 
@@ -169,6 +171,10 @@ class Scenario(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:
+        values = self.controller.nominal_inertia
+        if self.arm.file is None and values is not None and len(values) != len(JOINTS):
+            valid = f"a number above 0 [kg m2] for each joint {' '.join(JOINTS)}, or null"
+            raise invalid("controller.nominal_inertia", values, valid)
         check_nyquist(self.one_dof, self.frequency)
         ratio = self.controller.period / self.simulation.step
         if ratio < 1 or not math.log2(ratio).is_integer():
@@ -206,10 +212,19 @@ def from_yaml(text: str, source: str = "scenario") -> Scenario:
 
 
 def load(path: str | os.PathLike[str]) -> Scenario:
-    """Read a scenario file; raises ScenarioError naming the file where it cannot be read."""
+    """Read a scenario file; model files that it names are looked for beside it first.
+
+    Raises ScenarioError naming the file where it cannot be read.
+    """
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         raise ScenarioError(f"scenario file {str(path)!r} cannot be read: {reason}; valid is a YAML file") from None
-    return from_yaml(text, f"scenario file {str(path)!r}")
+    scenario, changes = from_yaml(text, f"scenario file {str(path)!r}"), {}
+    for field in FILES:
+        section, name = field.split(".")
+        beside = Path(path).parent / str(getattr(getattr(scenario, section), name))
+        if beside.is_file():  # files are named from where the scenario stands, else from where the command runs
+            changes[field] = str(beside)
+    return scenario.with_overrides(changes) if changes else scenario

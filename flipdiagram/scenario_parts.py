@@ -6,16 +6,37 @@ The sources of the defaults are marked as in `scenario.py`: (p) the paper; (H) (
 
 from __future__ import annotations
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from flipdiagram.scenario_io import Section, invalid, quantity
 
+OWN_ARM = ("home", "torque_limits", "speed_limits", "reflected_inertia")
+"""Fields of `Arm` with one number per joint of the user's own arm."""
 JOINTS = ("S", "L", "U", "R", "B", "T")
 
 
 class Arm(Section):
-    """The robot: Motoman MH3F, geometry and limits from urdf/mh3f.urdf."""
+    """The robot: Motoman MH3F, geometry and limits from urdf/mh3f.urdf, or one of the user's own."""
 
+    file: str | None = Field(None, description="URDF, SDF or MJCF (.xml) of another arm; null: the MH3F")
+    base: str = Field("base", description="link or frame of that file that stands on the ground")
+    flange: str = Field("flange", description="link or frame that carries the spatula, its z axis pointing out")
+    base_pose: tuple[float, float, float, float] = quantity(
+        (0.0, 0.0, 0.0, 0.0), "m, m, m, rad", "x, y, z and yaw of the base; another arm only"
+    )
+    mount_angle: float = quantity(0.0, "rad", "turn of the spatula about the flange's z axis; another arm only")
+    home: tuple[float, ...] | None = quantity(
+        None, "rad", "joint angles near the start pose; null: the file's, or searched; another arm only"
+    )
+    torque_limits: tuple[float, ...] | None = quantity(
+        None, "N m", "peak torque of each joint; null: the file's; another arm only"
+    )
+    speed_limits: tuple[float, ...] | None = quantity(
+        None, "rad/s", "largest speed of each joint; null: the file's; another arm only"
+    )
+    reflected_inertia: tuple[float, ...] | None = quantity(
+        None, "kg m2", "rotor and gear of each joint, seen at the joint; null: the file's; another arm only"
+    )
     link_inertia_scale: float = quantity(1.0, "1", "factor on every link's mass and inertia (our estimates)", gt=0)
     reflected_inertia_scale: float = quantity(
         2.0,
@@ -34,10 +55,16 @@ class Arm(Section):
 
     @model_validator(mode="after")
     def _above_zero(self) -> Arm:
-        for name in ("link_inertia_scales", "reflected_inertia_scales"):
+        for name in (
+            "link_inertia_scales", "reflected_inertia_scales", "torque_limits", "speed_limits", "reflected_inertia"
+        ):  # fmt: skip
             values = getattr(self, name)
             if values is not None and (not values or min(values) <= 0):
                 raise invalid(name, values, "a number above 0 for each joint, or null")
+        if self.file is None:
+            for name in ("base", "flange", "base_pose", "mount_angle", *OWN_ARM):
+                if getattr(self, name) != type(self).model_fields[name].default:
+                    raise invalid(name, getattr(self, name), "the default unless arm.file names another arm")
         return self
 
 
@@ -62,6 +89,11 @@ class Tool(Section):
     blade_width: float = quantity(0.09, "m", "blade across the handle, along the tangent s (o)", gt=0)
     blade_thickness: float = quantity(0.002, "m", "blade thickness (o)", gt=0)
     mass: float = quantity(0.15, "kg", "blade and handle (o)", gt=0)
+    file: str | None = Field(
+        None,
+        description="URDF or SDF of another tool: one body, a frame 'tool' at the centre of its blade's top surface,"
+        " x along the handle, z the normal; the blade's numbers here must match; null: the spatula",
+    )
 
 
 class Object(Section):
@@ -72,6 +104,11 @@ class Object(Section):
     thickness: float = quantity(0.010, "m", "along the normal n (p)", gt=0)
     mass: float = quantity(0.061, "kg", "mass (p)", gt=0)
     friction: float = quantity(1.86, "1", "static friction coefficient on the blade (p)", gt=0)
+    file: str | None = Field(
+        None,
+        description="URDF or SDF of another object: one body of this mass, its frame at the centre of a box of this"
+        " size, x along the width; null: the block",
+    )
 
 
 class Table(Section):

@@ -310,7 +310,7 @@ def test_link_inertia_scale_scales_all_but_rotors_and_spatula(arm):
         ({"tool_height": -0.1}, "tool_height = -0.1"),
         ({"payload_mass": -1.0}, "payload_mass = -1.0"),
         ({"payload_inertia": 1.0}, "needs a payload_mass above 0"),
-        ({"arm": "nowhere.urdf"}, "cannot read the model file 'nowhere.urdf'"),
+        ({"arm": "nowhere.urdf"}, "arm.file = 'nowhere.urdf' cannot be read"),
     ],
 )
 def test_bad_options_are_named(options, message):
@@ -355,8 +355,8 @@ def test_another_arm_may_have_another_number_of_joints(tmp_path):
     ("old", "new", "message"),
     [
         ('frame name="flange"', 'frame name="face"', "has no link or frame 'flange'"),
-        ('actuator name="B"', 'actuator name="b"', "joint 'B' needs a <limit> and an actuator"),
-        ('parent link="base"', 'parent link="nothing"', "cannot be read as URDF"),
+        ('effort="95.5"', 'effort="0"', "joint 'S' has no torque limit"),
+        ('parent link="base"', 'parent link="nothing"', "'flange' is not carried by 'base'"),
         ("</robot>", "", "not valid XML"),
     ],
 )

@@ -15,11 +15,11 @@ LONGEST = 300
 # Each module may import only from those above it; a folder stands for all its files.
 ORDER = (
     "errors", "files", "parallel", "scenario_io", "scenario_one_dof", "scenario_parts", "scenario", "contact", "transfer",
-    "assets", "provenance", "task_space", "inverse_kinematics", "assembly", "arm", "parts",
-    "planning", "blocks", "plants", "controller", "one_dof_loop", "loop", "compiled", "recording", "margins", "simulate", "metrics", "second_engine", "studies",
+    "arm_files", "assets", "provenance", "task_space", "inverse_kinematics", "assembly", "arm", "parts",
+    "planning", "blocks", "plants", "replacement", "controller", "one_dof_loop", "loop", "compiled", "recording", "margins", "simulate", "metrics", "second_engine", "studies",
     "scene", "sketch", "snapshots", "figures", "frequency_figures", "replay", "gallery", "grid", "tables",
-    "frequency_tables", "experiment_figures", "experiment_tables", "border_figures", "border_tables", "drawing", "report",
-    "terminal", "options", "commands", "cli",
+    "frequency_tables", "experiment_figures", "experiment_tables", "border_figures", "border_tables", "results", "drawing", "report",
+    "live", "terminal", "options", "completion", "commands", "cli",
 )  # fmt: skip
 
 MODULES = sorted(PACKAGE.rglob("*.py"))

@@ -55,6 +55,10 @@ class Outcome:
         return (self.shortfall, self.cost)
 
 
+TURN = (0.8, 1.6, 2.4)
+"""Angles θ [rad] to which an arm that knows no home must be able to turn at the start."""
+
+
 class Convexification:
     """Solves single horizons of a scenario.  The program is built here, once; `settle` changes its numbers."""
 
@@ -85,7 +89,9 @@ class Convexification:
     def q_start(self) -> Floats:
         """Joint angles at the start of the motion [rad]; raises PlanningError where the arm cannot be there."""
         if self._q_start is None:
-            self._q_start = self.arm.inverse_kinematics(limits.task_pose(self.start, self.scenario.task.start_x))
+            pose = limits.task_pose(self.start, self.scenario.task.start_x)
+            turned = [pose + [0.0, 0.0, angle, 0.0, 0.0, 0.0] for angle in TURN]
+            self._q_start = self.arm.inverse_kinematics(pose, through=turned)
         return self._q_start
 
     def guess(self, n_contact: int, n_flight: int) -> Trajectory:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from flipdiagram.frequency_tables import FIGURES, numbers
-from flipdiagram.grid import BAD, GOOD, Grid
+from flipdiagram.grid import BAD, Grid, verdict
 from flipdiagram.studies.claims import TEXTS, Claim
 
 Summary = Mapping[str, Any]
@@ -41,7 +41,8 @@ def claims_grid(summary: Summary, *, commands: bool = False) -> Grid:
     rows = []
     for entry in summary["claims"]:
         remark = f" ({entry['remark']})" if entry["remark"] else ""
-        row = [entry["id"], entry["place"], entry["claim"], GOOD if entry["holds"] else f"**{BAD}**"]
+        holds = verdict(entry["holds"])
+        row = [entry["id"], entry["place"], entry["claim"], f"**{holds}**" if holds == BAD else holds]
         row += [entry["measured"] + remark, entry["paper"]]
         rows.append([*row, f"`{entry['command']}`"] if commands else row)
     return Grid([*headings, "command"] if commands else headings, rows)

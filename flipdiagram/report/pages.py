@@ -80,9 +80,11 @@ def _versions(summary: Summary) -> str:
 
 def _counts(summary: Summary) -> str:
     claims = summary["claims"]
-    failed = [entry["id"] for entry in claims if not entry["holds"]]
-    held = f"{len(claims) - len(failed)} of {len(claims)} claims hold in this physics"
-    return held + (f"; {', '.join(failed)} do not." if failed else ".")
+    held, failed, open_ = ([e["id"] for e in claims if e["holds"] is holds] for holds in (True, False, None))
+    parts = [f"{len(held)} of {len(claims)} claims hold in this physics"]
+    parts += [f"{', '.join(failed)} do not"] if failed else []
+    parts += [f"{', '.join(open_)} could not be judged"] if open_ else []
+    return "; ".join(parts) + "."
 
 
 def _observer(summary: Summary) -> str:

@@ -16,6 +16,7 @@ ORIGINS = {
     "L": "published data or memory, low confidence",
     "o": "our choice",
 }
+_DEFAULT = Scenario()
 NOT_ASSUMED = ("frequency",)
 """Sections that say how a study measures, not what it assumes."""
 
@@ -34,6 +35,8 @@ def scenario_grid(scenario: Scenario) -> Grid:
         mark = re.search(r"\s*\(([pHMLo])(?::\s*([^)]*))?\)", text)
         value = getattr(getattr(scenario, section), name)
         origin = ORIGINS[mark[1]] + (f": {mark[2]}" if mark[2] else "") if mark else _unmarked(name, value)
+        if value != (default := getattr(getattr(_DEFAULT, section), name)):
+            origin = f"set for this run; the default, {scenario_io.show(default)}, is of: {origin}"
         plain = re.sub(r"\s*\([pHMLo](?::[^)]*)?\)", "", text)
         rows.append([f"`{path}`", scenario_io.show(value), "" if unit == "1" else unit, plain, origin])
     return Grid(["field", "value", "unit", "meaning", "origin"], rows)

@@ -179,8 +179,8 @@ def _inertia(resolution: int | None) -> Map:
 
     def fields(value: float | str) -> Overrides:
         if value == "lab":
-            return {"controller.nominal_inertia": LAB_INERTIA}
-        return {"controller.nominal_inertia_scale": value}
+            return {"controller.nominal_inertia": LAB_INERTIA, "controller.nominal_inertia_scale": 1.0}
+        return {"controller.nominal_inertia": None, "controller.nominal_inertia_scale": value}
 
     return Map(
         "inertia",

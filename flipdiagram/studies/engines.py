@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from flipdiagram import metrics
 from flipdiagram.errors import FlipdiagramError
 from flipdiagram.parallel import Workers
 from flipdiagram.second_engine import Settings, compare
@@ -59,9 +61,14 @@ def second_engine(runs: Sequence[tuple[str, float, Path]], jobs: int | None = No
 
 
 def _verdict(path: Path, settings: Settings) -> dict[str, Any]:
+    recording = load_recording(path)
     try:
-        found = compare(load_recording(path), settings)
+        found = compare(recording, settings)
     except FlipdiagramError as error:
+        # Drake's verdict stands, and does not agree with one that there is not
         lost = {"success": False, "failure": str(error), "max_slip_m": None, "touchdown": None}
-        return {"agree": False, "drake": lost, "mujoco": lost}
+        success, failure = metrics.judge(recording)
+        landed, slip = metrics.touchdown(recording), metrics.slip_and_lift(recording)[0]
+        drake = {"success": success, "failure": failure, "max_slip_m": slip, "touchdown": landed and asdict(landed)}
+        return {"agree": False, "drake": drake, "mujoco": lost}
     return {key: found[key] for key in ("agree", "drake", "mujoco")}

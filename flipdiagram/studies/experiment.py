@@ -54,7 +54,9 @@ class ExperimentResult:
 
 def recording_name(start_y: float, architecture: str) -> str:
     """File of a recording, relative to the study's folder."""
-    return f"recordings/y{1000 * start_y:+04.0f}mm_{architecture}.nc"
+    millimetres = round(1000 * start_y, 6) + 0.0
+    text = f"{millimetres:+04.0f}" if millimetres.is_integer() else f"{millimetres:+}"
+    return f"recordings/y{text}mm_{architecture}.nc"
 
 
 def run(

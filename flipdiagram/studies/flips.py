@@ -21,7 +21,7 @@ from flipdiagram.planning import Plan, plan_motion
 from flipdiagram.provenance import code_version
 from flipdiagram.scenario import Controller, Scenario
 from flipdiagram.simulate import simulate
-from flipdiagram.studies.recordings import save_recording
+from flipdiagram.studies.recordings import recording_key, save_recording
 from flipdiagram.studies.store import Store
 
 PLAN_SECTIONS = ("arm", "tool", "object", "table", "task", "planner")
@@ -118,7 +118,10 @@ def _done(flip: Flip, store: Store, out: Path) -> bool:
     text = store.outcome(flip.key)
     if text is None:
         return False
-    return flip.recording is None or Outcome.from_json(text).metrics is None or (out / flip.recording).is_file()
+    if flip.recording is None or Outcome.from_json(text).metrics is None:
+        return True
+    # a run of another scenario into the same folder replaces the file under the same name
+    return recording_key(out / flip.recording) == flip.key
 
 
 def _plans(flips: Sequence[Flip], store: Store, jobs: int | None, progress: Progress) -> dict[str, Plan | str]:
@@ -178,7 +181,7 @@ def fly_one(flip: Flip, plan: Plan, out: Path) -> tuple[Outcome, float]:
         return Outcome(None, f"{_kind(error)}: {error}", plan.summary()), time.perf_counter() - begin
     measured = metrics.measure(run.recording)
     if flip.recording is not None:
-        save_recording(run.recording, measured, out / flip.recording)
+        save_recording(run.recording, measured, out / flip.recording, flip.key)
     return Outcome(measured, measured.failure, plan.summary()), time.perf_counter() - begin
 
 

@@ -11,11 +11,20 @@ from flipdiagram.metrics import FlipMetrics
 from flipdiagram.recording import Recording
 
 
-def save_recording(data: Recording, measured: FlipMetrics, path: Path) -> None:
-    """Write a recording whole or not at all."""
-    judged = data.assign_attrs(success=int(measured.success), failure=measured.failure or "")
+def save_recording(data: Recording, measured: FlipMetrics, path: Path, key: str = "") -> None:
+    """Write a recording whole or not at all; key: what `recording_key` shall find in it."""
+    judged = data.assign_attrs(success=int(measured.success), failure=measured.failure or "", key=key)
     with atomic_path(path) as temporary:
         judged.to_netcdf(temporary, engine="scipy")
+
+
+def recording_key(path: str | Path) -> str | None:
+    """The key that a recording was saved with; None where there is no file that can be read."""
+    try:
+        with xr.open_dataset(path, engine="scipy") as data:
+            return str(data.attrs.get("key", ""))
+    except (OSError, ValueError, TypeError):
+        return None
 
 
 def load_recording(path: str | Path) -> Recording:

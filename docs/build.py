@@ -1,0 +1,157 @@
+"""The API reference as HTML, from the docstrings: python docs/build.py --out DIR.
+
+Needs no network to build or to read, and comes out with the same bytes on every machine.  Drake's template classes,
+which Python knows as `PD_𝓣float𝓤`, appear under their public names with the arguments of their constructors.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import inspect
+import json
+import pkgutil
+import sys
+import tempfile
+import warnings
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+from unittest.mock import patch
+
+import pdoc
+import pdoc.doc
+import pdoc.render
+import pdoc.search
+from numpy import float64
+from numpy.typing import ArrayLike, NDArray
+from pydrake.systems.framework import System
+from pydrake.systems.scalar_conversion import TemplateSystem
+
+import flipdiagram
+
+PRIVATE = r"!flipdiagram\.(.*\.)?_"
+"""What pdoc leaves out: modules with a leading underscore."""
+
+CONVERSIONS = ("ToAutoDiffXd", "ToScalarType", "ToSymbolic")
+"""Methods that Drake puts into every template class, without a docstring."""
+
+write_type = inspect.formatannotation
+
+SHORT_TYPES = {
+    form: name
+    for kind, name in (
+        (ArrayLike | None, "ArrayLike | None"),
+        (ArrayLike, "ArrayLike"),
+        (NDArray[Any], "NDArray"),
+        (NDArray[float64], "NDArray[float64]"),
+    )
+    for form in (write_type(kind), write_type(kind).replace("typing.", ""))
+}
+"""NumPy's types, which Python writes out in full, as they stand in the source."""
+
+
+def public_modules() -> list[str]:
+    """Names of the package and of every module in it without a leading underscore, in order."""
+    found = pkgutil.walk_packages(flipdiagram.__path__, "flipdiagram.")
+    names = [module.name for module in found if not any(part.startswith("_") for part in module.name.split("."))]
+    return ["flipdiagram", *sorted(names)]
+
+
+def build(out: Path) -> list[str]:
+    """Write the pages of all public modules, the index and the search data into `out`; returns the modules' names."""
+    names = public_modules()
+    for name in names:
+        module = importlib.import_module(name)
+        show_templates(module)
+        show_constructors(module)
+        show_submodules(module)
+    text = f"flipdiagram {flipdiagram.__version__}"
+    pdoc.render.configure(docformat="markdown", footer_text=text, math=False, mermaid=False, show_source=True)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        warnings.catch_warnings(),
+        patch.object(pdoc.doc, "formatannotation", short_annotation),
+        patch.object(inspect, "formatannotation", short_annotation),
+        # the index as it is, whether or not this machine has node.js
+        patch.object(pdoc.search, "precompile_index", lambda documents, _: json.dumps(documents)),
+    ):
+        warnings.simplefilter("error", UserWarning)  # pdoc warns of what it could not read
+        pdoc.pdoc("flipdiagram", PRIVATE, output_directory=Path(folder))
+        for page in sorted(Path(folder).rglob("*.*")):
+            target = out / page.relative_to(folder)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text(without_places(page.read_text(encoding="utf-8")), encoding="utf-8")
+    return names
+
+
+def show_templates(module: ModuleType) -> None:
+    """Let the float instance of each Drake template in the module look like the class its users know."""
+    for name, template in list(vars(module).items()):
+        if not isinstance(template, TemplateSystem) or template[None].__module__ != module.__name__:
+            continue
+        instance = template[None]
+        vars(module).pop(instance.__name__, None)
+        instance.__name__ = instance.__qualname__ = name.removesuffix("_")
+        instance.__init__ = constructor(instance)
+        for method in [method for method in vars(instance) if method.startswith(CONVERSIONS)]:
+            delattr(instance, method)
+
+
+def constructor(instance: Any) -> Any:
+    """An `__init__` with the signature of the template's `_construct`, less what Drake passes to itself."""
+
+    def __init__(self: Any) -> None: ...
+
+    signature = inspect.signature(instance._construct)
+    own = [parameter for parameter in signature.parameters.values() if parameter.name != "converter"]
+    vars(__init__).update(__signature__=signature.replace(parameters=own, return_annotation=inspect.Signature.empty))
+    __init__.__module__, __init__.__qualname__ = instance.__module__, f"{instance.__qualname__}.__init__"
+    return __init__
+
+
+def show_constructors(module: ModuleType) -> None:
+    """Keep pdoc from describing our constructors with the docstring of Drake's."""
+    for value in vars(module).values():
+        if isinstance(value, type) and issubclass(value, System) and value.__module__ == module.__name__:
+            own = vars(value).get("__init__")
+            if own is not None and not own.__doc__:
+                own.__doc__ = "The arguments are described with the class."
+
+
+def show_submodules(module: ModuleType) -> None:
+    """A package that names what it offers still has modules, and they have pages."""
+    if hasattr(module, "__all__") and hasattr(module, "__path__"):
+        inside = [found.name for found in pkgutil.iter_modules(module.__path__) if not found.name.startswith("_")]
+        offered: list[str] = vars(module)["__all__"]
+        vars(module)["__all__"] = [*offered, *(name for name in inside if name not in offered)]
+
+
+def short_annotation(annotation: Any, *base_module: Any) -> str:
+    """A type as text, NumPy's by their short names."""
+    text = write_type(annotation, *base_module)
+    for long, short in SHORT_TYPES.items():
+        text = text.replace(long, short)
+    return text
+
+
+def without_places(text: str) -> str:
+    """The text without the folders of this machine, which default values may name."""
+    root = Path(flipdiagram.__file__).parents[1]
+    places = {sys.executable, sys.prefix, sys.base_prefix, str(root), str(Path.home())} - {"/", "/usr"}
+    for place in sorted(places, key=len, reverse=True):
+        text = text.replace(place, "…")
+    return text
+
+
+def main() -> None:
+    """Build into --out and say where."""
+    options = argparse.ArgumentParser(description="Build the API reference.")
+    options.add_argument("--out", type=Path, default=Path("out/docs"), metavar="DIR", help="folder (out/docs)")
+    out = options.parse_args().out
+    names = build(out)
+    print(f"{len(names)} modules; open {out / 'index.html'}")
+
+
+if __name__ == "__main__":
+    main()

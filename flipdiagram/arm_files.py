@@ -1,0 +1,154 @@
+"""Arms of the user's own, from URDF, SDF or MJCF: what a file must have, and how its text is made ready for Drake.
+
+Only the joints between base and flange move; others (the fingers of a gripper) are fixed where they stand.  Collision
+shapes of the arm are left out: what touches in this task is blade, block and table.  Meshes that Drake cannot draw are
+replaced by cylinders from joint to joint.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from flipdiagram.errors import ScenarioError
+
+DRAWABLE = (".obj", ".gltf", ".vtk")
+"""Kinds of mesh that Drake draws."""
+STAND_IN_RADIUS = 0.04
+FORMATS = (".urdf", ".sdf", ".xml")
+"""URDF, SDF, and MJCF, whose files end in .xml."""
+
+
+@dataclass(frozen=True)
+class ArmFile:
+    """An arm of the user's own, as the scenario names it.
+
+    path: URDF, SDF or MJCF (.xml); base, flange: names of links or frames; base_pose (x, y, z, yaw) [m, rad] of the
+    base in the world; mount_angle [rad]: turn of the spatula about the flange's z axis, which points out of it;
+    the rest per joint from base to flange, None for what the file says: home [rad], torque_limits [N m],
+    speed_limits [rad/s], reflected_inertia [kg m²].
+    """
+
+    path: str
+    base: str = "base"
+    flange: str = "flange"
+    base_pose: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    mount_angle: float = 0.0
+    home: tuple[float, ...] | None = None
+    torque_limits: tuple[float, ...] | None = None
+    speed_limits: tuple[float, ...] | None = None
+    reflected_inertia: tuple[float, ...] | None = None
+
+    @property
+    def is_urdf(self) -> bool:
+        """Whether the text can be read and changed as URDF; other formats are changed in the plant."""
+        return Path(self.path).suffix.lower() == ".urdf"
+
+    def check(self) -> None:
+        """Raise ScenarioError unless the file is there and of a known format."""
+        if Path(self.path).suffix.lower() not in FORMATS:
+            raise ScenarioError(f"arm.file = '{self.path}' is of no known format; valid is {', '.join(FORMATS)}")
+        if not Path(self.path).is_file():
+            raise ScenarioError(f"arm.file = '{self.path}' cannot be read; valid is an existing file")
+
+
+def made_ready(root: ElementTree.Element, base: str, flange: str, source: str) -> tuple[str, ...]:
+    """Change a URDF's tree in place as the module says; returns the moving joints from base to flange.
+
+    Raises ScenarioError where there is no such link, or no chain between them.
+    """
+    joints = list(root.iterfind("joint"))
+    by_child = {_link(joint, "child"): joint for joint in joints}
+    links = {link.attrib["name"]: link for link in root.iterfind("link")}
+    frames = {frame.attrib["name"]: frame.attrib.get("link", "") for frame in root.iterfind("frame")}
+    for name in (base, flange):
+        if name not in links and name not in frames:
+            known = ", ".join([*links, *frames])
+            raise ScenarioError(f"arm.file = '{source}' has no link or frame '{name}'; choose from {known}")
+    chain: list[ElementTree.Element] = []
+    here, root_link = frames.get(flange, flange), frames.get(base, base)
+    while here != root_link:
+        if here not in by_child:
+            raise ScenarioError(f"arm.file = '{source}': '{flange}' is not carried by '{base}'; valid is one that is")
+        chain.insert(0, by_child[here])
+        here = _link(chain[0], "parent")
+    if root_link in by_child:  # such as a joint that fixes the base to the world: its place is the scenario's
+        root.remove(by_child[root_link])
+        joints.remove(by_child[root_link])
+    for link in [link for name, link in links.items() if name == "world"]:
+        root.remove(link)
+    moving = tuple(joint.attrib["name"] for joint in chain if joint.attrib["type"] != "fixed")
+    for joint in joints:
+        _fix_unless(joint, moving)
+    for transmission in list(root.iterfind("transmission")):
+        driven = transmission.find("joint")
+        if driven is None or driven.attrib.get("name") not in moving:
+            root.remove(transmission)
+    for name, link in links.items():
+        _show_simply(link, [joint for joint in joints if _link(joint, "parent") == name], Path(source).parent)
+    return moving
+
+
+def _link(joint: ElementTree.Element, kind: str) -> str:
+    element = joint.find(kind)
+    return "" if element is None else element.attrib.get("link", "")
+
+
+def _fix_unless(joint: ElementTree.Element, moving: tuple[str, ...]) -> None:
+    unknown_to_drake = ("safety_controller", "calibration")
+    moves = joint.attrib["name"] in moving
+    if not moves:
+        joint.set("type", "fixed")
+    for kind in unknown_to_drake if moves else ("limit", "mimic", "dynamics", "axis", *unknown_to_drake):
+        for element in joint.findall(kind):
+            joint.remove(element)
+
+
+def _show_simply(link: ElementTree.Element, joints: list[ElementTree.Element], folder: Path) -> None:
+    """No collision shapes, no meshes that Drake cannot draw; a cylinder to each joint where nothing is left."""
+    for collision in link.findall("collision"):
+        link.remove(collision)
+    for visual in link.findall("visual"):
+        mesh = visual.find("geometry/mesh")
+        if mesh is None:
+            continue
+        file = _mesh_file(mesh.attrib["filename"], folder)
+        if file is None:
+            link.remove(visual)
+        else:
+            mesh.set("filename", str(file))
+    if link.find("visual") is not None:
+        return
+    for joint in joints:
+        origin = joint.find("origin")
+        place = "0 0 0" if origin is None else origin.attrib.get("xyz", "0 0 0")
+        end = np.array([float(value) for value in place.split()])
+        length = float(np.linalg.norm(end))
+        if length > STAND_IN_RADIUS:
+            _add_cylinder(link, joint.attrib["name"], end, length)
+
+
+def _mesh_file(name: str, folder: Path) -> Path | None:
+    """The file of a mesh that Drake can draw; packages are looked for in the folders above the arm's file."""
+    if not name.lower().endswith(DRAWABLE):
+        return None
+    inside = name.removeprefix("package://")
+    places = [folder / inside]
+    if inside != name:
+        _, _, rest = inside.partition("/")
+        places = [above / part for above in folder.resolve().parents for part in (inside, rest)]
+    return next((place.resolve() for place in places if place.is_file()), None)
+
+
+def _add_cylinder(link: ElementTree.Element, name: str, end: np.ndarray, length: float) -> None:
+    x, y, z = end / length
+    visual = ElementTree.SubElement(link, "visual", name=f"to_{name}")
+    roll_pitch = f"0 {float(np.arctan2(np.hypot(x, y), z))!r} {float(np.arctan2(y, x))!r}"
+    ElementTree.SubElement(visual, "origin", xyz=" ".join(repr(float(v)) for v in end / 2), rpy=roll_pitch)
+    geometry = ElementTree.SubElement(visual, "geometry")
+    ElementTree.SubElement(geometry, "cylinder", radius=repr(STAND_IN_RADIUS), length=repr(length))
+    material = ElementTree.SubElement(visual, "material", name="flipdiagram_grey")
+    ElementTree.SubElement(material, "color", rgba="0.6 0.64 0.7 1")

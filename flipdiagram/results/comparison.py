@@ -1,0 +1,256 @@
+"""Two results side by side: what differs in signals, metrics, scenario, verdicts and numbers."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from flipdiagram.errors import ScenarioError
+from flipdiagram.figures import NAMES, STYLES
+from flipdiagram.grid import BAD, GOOD, Grid
+from flipdiagram.metrics import measure
+from flipdiagram.planning.plan import Plan
+from flipdiagram.results import plots
+from flipdiagram.results.differences import Change, changes, leaves
+from flipdiagram.results.opening import Source, read
+from flipdiagram.results.signals import check_recording, components, flat, number, scenario_fields, unit_of
+
+SECOND = "#CC79A7"
+"""The colour of the second recording where both are of one architecture."""
+MOST = 60
+"""Rows of a Markdown table; the attributes of `Comparison` have all."""
+
+
+@dataclass(frozen=True)
+class SignalDifference:
+    """b − a of one component on the times that both have: largest with its time [s], and RMS, in `unit`."""
+
+    name: str
+    unit: str
+    largest: float
+    rms: float
+    time: float
+    one_sided: int
+    """Samples at which one is nan and the other is not; they count in neither number."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What `compare` found; shows itself as Markdown in a notebook."""
+
+    names: tuple[str, str]
+    kind: str
+    """'recording', or the study of two summaries, or 'motion' for two plans."""
+    same_grid: bool | None = None
+    """Whether both recordings have the same times; None for anything else."""
+    signals: tuple[SignalDifference, ...] = ()
+    metrics: tuple[Change, ...] = ()
+    """All metrics of two recordings, equal or not."""
+    scenario: tuple[Change, ...] = ()
+    """Scenario fields that differ."""
+    verdicts: tuple[Change, ...] = ()
+    """Verdicts and texts of two summaries that differ."""
+    numbers: tuple[Change, ...] = ()
+    """Numbers of two summaries that differ; of a list of numbers the one that differs most."""
+    notes: tuple[str, ...] = ()
+    recordings: tuple[xr.Dataset, xr.Dataset] | None = None
+
+    @property
+    def same(self) -> bool:
+        """Whether nothing differs."""
+        differ = any(part.largest or part.one_sided for part in self.signals)
+        changed = any(not change.same for change in self.metrics)
+        return self.same_grid is not False and not (
+            differ or changed or self.scenario or self.verdicts or self.numbers or self.notes
+        )
+
+    def to_markdown(self) -> str:
+        """The comparison as Markdown, ending with a newline."""
+        a, b = self.names
+        if self.names[0] == self.names[1]:
+            a, b = f"{a} (a)", f"{b} (b)"
+        text = [f"**{self.kind}: {a} and {b}**" + (": no difference" if self.same else "")]
+        if self.same_grid is not None:
+            text.append("Same times: " + (GOOD if self.same_grid else f"{BAD}, compared where both have a sample"))
+        text += self.notes
+        text += [grid.title + "\n\n" + grid.markdown() if grid.title else grid.markdown() for grid in self.grids(a, b)]
+        return "\n\n".join(part.rstrip("\n") for part in text) + "\n"
+
+    def grids(self, a: str = "a", b: str = "b") -> list[Grid]:
+        """The tables of the comparison that have rows, for a terminal; a and b are the headings."""
+        differing = [part for part in self.signals if part.largest or part.one_sided]
+        signals = [
+            [f"`{p.name}`", p.unit, number(p.largest), number(p.rms), f"{p.time:.3f}", str(p.one_sided or "–")]
+            for p in differing
+        ]
+        headings = ["signal", "unit", "largest difference", "RMS", "at [s]", "nan in one only"]
+        grids = [Grid(headings, signals[:MOST], _title("Signals that differ", len(signals)), headings[2:])]
+        for title, rows in (
+            ("Metrics", self.metrics), ("Scenario fields that differ", self.scenario),
+            ("Verdicts that differ", self.verdicts), ("Numbers that differ", self.numbers),
+        ):  # fmt: skip
+            cells = [[f"`{row.name}`", row.unit, number(row.a), number(row.b), row.difference] for row in rows]
+            grids.append(Grid(["", "unit", a, b, "difference"], cells[:MOST], _title(title, len(cells))))
+        return [grid for grid in grids if grid.rows]
+
+    def plot(
+        self, signal: str = "x", ax: Axes | Sequence[Axes] | None = None, *, difference: bool = False
+    ) -> Axes | Sequence[Axes]:
+        """A signal of both recordings over time, a panel a component; or, where asked, the difference b − a.
+
+        Returns the Axes, a list where there are several.  ScenarioError for anything but two recordings, and for a
+        signal that one of them does not have.
+        """
+        if self.recordings is None:
+            raise ScenarioError(f"two results of kind '{self.kind}' have no signals; valid are recordings")
+        one, other = self.recordings
+        parts = components(one, signal)
+        components(other, signal)
+        panels, own = plots.panels_for(parts, ax)
+        twins = one.attrs["architecture"] == other.attrs["architecture"]
+        lines = [plots.style_for(one).line(), plots.style_for(other).line()]
+        if twins:
+            lines[1] |= {"color": SECOND, "linestyle": "--", "zorder": 2.7}
+        # the name of an architecture says more than that of a file, where it tells the two apart
+        labels = self.names if twins else tuple(NAMES.get(d.attrs["architecture"], "?") for d in self.recordings)
+        if labels[0] == labels[1]:
+            labels = (f"{labels[0]} (a)", f"{labels[1]} (b)")
+        for panel, part in zip(panels, parts, strict=True):
+            if difference:
+                mine, theirs = (plots.view(data, None) for data in self.recordings)
+                here, there = _common(mine, theirs)
+                values = part.values(theirs)[there] - part.values(mine)[here]
+                label = f"{labels[1]} − {labels[0]}"
+                panel.plot(mine["time"].values[here], values, label=label, **STYLES["command"].line())
+                panel.set_ylabel("Δ " + plots.label_of(part))
+            else:
+                for data, label, line in zip(self.recordings, labels, lines, strict=True):
+                    shown_data = plots.view(data, None)
+                    panel.plot(shown_data["time"], part.values(shown_data), label=label, **line)
+                panel.set_ylabel(plots.label_of(part))
+        plots.finish(panels, own)
+        return panels[0] if len(parts) == 1 and not isinstance(ax, Sequence) else panels
+
+    def _repr_markdown_(self) -> str:
+        return self.to_markdown()
+
+
+Comparable = xr.Dataset | Plan | str | os.PathLike[str]
+
+
+def compare(a: Comparable, b: Comparable) -> Comparison:
+    """Two recordings (Datasets or paths), two plans, or two summaries of one study (paths), side by side.
+
+    Recordings: same times or not, largest and RMS difference of every signal on the times that both have, metrics
+    of both, scenario fields that differ.  Summaries and plans: verdicts and numbers that differ, but for how long
+    things took.  Raises ScenarioError as `open_result`, and where the two are not of one kind.
+    """
+    (one, first), (other, second) = _source(a, "a"), _source(b, "b")
+    if one.kind != other.kind:
+        raise ScenarioError(f"cannot compare a result of kind '{one.kind}' with '{other.kind}'; valid are two of one")
+    names = (first, second)
+    if one.data is not None and other.data is not None:
+        if one.kind != "recording":
+            raise ScenarioError(f"cannot compare {one.kind}; valid are recordings, plans, and summary.json of a study")
+        return _recordings(one.data, other.data, names)
+    contents = [
+        source.plan.summary() if source.plan is not None else dict(source.summary or {}) for source in (one, other)
+    ]
+    scenarios = [flat(content.pop("scenario", {})) for content in contents]
+    found = changes(leaves(contents[0]), leaves(contents[1]))
+    return Comparison(
+        names,
+        one.kind,
+        scenario=_fields(*scenarios),
+        verdicts=tuple(change for change in found if not change.numeric),
+        numbers=tuple(change for change in found if change.numeric),
+    )
+
+
+def _recordings(one: xr.Dataset, other: xr.Dataset, names: tuple[str, str]) -> Comparison:
+    check_recording(one), check_recording(other)
+    mine, theirs = ({part.name: part for part in components(data)} for data in (one, other))
+    where = _common(one, other)
+    alone = [k for k in mine if k not in theirs], [k for k in theirs if k not in mine]
+    notes = [f"Only in {names[k]}: " + ", ".join(f"`{part}`" for part in alone[k]) for k in (0, 1) if alone[k]]
+    architectures = one.attrs["architecture"], other.attrs["architecture"]
+    if architectures[0] != architectures[1]:
+        notes.append(f"Architectures: `{architectures[0]}` and `{architectures[1]}`")
+    signals = []
+    if len(where[0]):
+        time = one["time"].values[where[0]]
+        for name in (name for name in mine if name in theirs):
+            if mine[name].unit != theirs[name].unit:
+                notes.append(f"`{name}` is in {mine[name].unit} and in {theirs[name].unit}: not compared")
+                continue
+            x, y = mine[name].values(one)[where[0]], theirs[name].values(other)[where[1]]
+            signals.append(_difference(name, mine[name].unit, x, y, time))
+    else:
+        notes.append("No time in common: signals not compared")
+    fields = [scenario_fields(data) for data in (one, other)]
+    same_grid = np.array_equal(one["time"].values, other["time"].values)
+    known = [part for part in fields if part is not None]
+    if len(known) == 1:
+        notes.append("Only one of them keeps its scenario: not compared")
+    return Comparison(
+        names,
+        "recording",
+        same_grid,
+        tuple(signals),
+        changes(leaves(measure(one).as_dict()), leaves(measure(other).as_dict()), all_of_them=True),
+        _fields(*known) if len(known) == 2 else (),
+        notes=tuple(notes),
+        recordings=(one, other),
+    )
+
+
+def _difference(name: str, unit: str, x: np.ndarray, y: np.ndarray, time: np.ndarray) -> SignalDifference:
+    both = np.isfinite(x) & np.isfinite(y)
+    one_sided = int(np.sum(np.isnan(x) != np.isnan(y)))
+    if not both.any():
+        return SignalDifference(name, unit, 0.0, 0.0, float("nan"), one_sided)
+    apart = np.abs(np.where(both, y, 0.0) - np.where(both, x, 0.0))
+    k = int(np.argmax(apart))
+    return SignalDifference(
+        name, unit, float(apart[k]), float(np.sqrt(np.mean(apart[both] ** 2))), float(time[k]), one_sided
+    )
+
+
+def _common(one: xr.Dataset, other: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the samples at the same time to a nanosecond, in both."""
+    a, b = (np.round(1e9 * data["time"].values).astype(np.int64) for data in (one, other))
+    _, mine, theirs = np.intersect1d(a, b, return_indices=True)
+    return mine, theirs
+
+
+def _fields(a: dict[str, Any], b: dict[str, Any]) -> tuple[Change, ...]:
+    names = list(dict.fromkeys([*a, *b]))
+    missing = "no such field"
+    rows = (Change(name, unit_of(name), a.get(name, missing), b.get(name, missing)) for name in names)
+    return tuple(row for row in rows if not row.same)
+
+
+def _source(value: Comparable, name: str) -> tuple[Source, str]:
+    if isinstance(value, xr.Dataset):
+        if "time" not in value.sizes:
+            raise ScenarioError(f"{name} is no recording; valid are recordings, and the path of a summary.json")
+        check_recording(value)
+        return Source(Path(), "recording", "recording", data=value), str(value.attrs["architecture"])
+    if isinstance(value, Plan):
+        return Source(Path(), "motion", "", plan=value), name
+    if not isinstance(value, str | os.PathLike):
+        kind = type(value).__name__
+        raise ScenarioError(f"{name} is a {kind}; valid are recordings, plans, and the path of a summary.json")
+    source = read(value)
+    return source, source.path.stem if source.data is not None else str(value)
+
+
+def _title(title: str, count: int) -> str:
+    return f"{title} ({count})" if count <= MOST else f"{title} (the first {MOST} of {count})"

@@ -1,0 +1,136 @@
+"""The signals of a recording one by one: flat names such as `x_y` and `tau_S`, and the unit of each."""
+
+from __future__ import annotations
+
+import difflib
+import itertools
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from flipdiagram import scenario_io
+from flipdiagram.contact import Floats
+from flipdiagram.errors import ScenarioError
+
+NEEDED = ("x", "x_cmd", "v", "v_cmd", "a", "a_cmd", "q", "qd", "tau", "block_pose", "tool_pose", "contact_force")
+"""What every recording holds; see `flipdiagram.recording`."""
+ATTRIBUTES = ("architecture", "release_time_s", "end_time_s")
+UNITS = {
+    "_m_s2": "m/s2", "_rad_s2": "rad/s2", "_m_s": "m/s", "_rad_s": "rad/s", "_Nm": "N m", "_rad": "rad", "_m": "m",
+    "_s": "s", "_J": "J", "_N": "N", "_kg": "kg",
+}  # fmt: skip
+"""Unit by the end of a name in summary.json, longest first."""
+
+
+@dataclass(frozen=True)
+class Component:
+    """One scalar signal: flat name, the signal it belongs to, its labels and place beside time, its unit."""
+
+    name: str
+    signal: str
+    labels: tuple[str, ...]
+    place: tuple[int, ...]
+    unit: str
+
+    def values(self, data: xr.Dataset) -> Floats:
+        """The samples, shape (time,)."""
+        others = [dim for dim in data[self.signal].dims if dim != "time"]
+        found = data[self.signal].isel(dict(zip(others, self.place, strict=True)))
+        return np.asarray(found.values, dtype=np.float64)
+
+
+def check_recording(data: xr.Dataset) -> xr.Dataset:
+    """The Dataset, if it is a recording with at least one sample; else ScenarioError that names what is missing."""
+    missing = [f"signal '{name}'" for name in NEEDED if name not in data.data_vars]
+    missing += [f"attribute '{name}'" for name in ATTRIBUTES if name not in data.attrs]
+    if data.sizes.get("time", 0) < 2:
+        missing.append("two samples on 'time'")
+    if missing:
+        what = ", ".join(missing[:3]) + (", …" if len(missing) > 3 else "")
+        raise ScenarioError(f"this Dataset is no recording: it lacks {what}; valid is what `flipdiagram flip` records")
+    return data
+
+
+def components(data: xr.Dataset, signal: str | None = None) -> list[Component]:
+    """The components of one signal, or of all that depend on time; ScenarioError for an unknown signal.
+
+    `signal` may be a flat name ('tau_S'), which gives that component alone.
+    """
+    if signal is not None and signal in data.data_vars and "time" in data[signal].dims:
+        return _split(data, signal)
+    everything = [part for name in data.data_vars if "time" in data[name].dims for part in _split(data, str(name))]
+    if signal is None:
+        return everything
+    chosen = [part for part in everything if part.name == signal]
+    if not chosen:
+        names = list(dict.fromkeys(part.signal for part in everything))
+        near = difflib.get_close_matches(signal, [*names, *(part.name for part in everything)], n=1)
+        meant = f"did you mean '{near[0]}'? " if near else ""
+        parts = [part.name for part in everything if part.signal != part.name]
+        example = f", or one component such as '{parts[0]}'" if parts else ""
+        raise ScenarioError(f"unknown signal '{signal}'; {meant}valid are {', '.join(names)}{example}")
+    return chosen
+
+
+def unit_of(name: str) -> str:
+    """Unit of an entry of summary.json by the end of its name ('position_rmse_m'); '1' where it says none."""
+    return next((unit for ending, unit in UNITS.items() if name.endswith(ending)), "1")
+
+
+def pretty(unit: str) -> str:
+    """A unit as figures write it: m/s2 becomes m/s²."""
+    return re.sub(r"(?<=[a-z])\^?2\b", "²", unit)
+
+
+def flat(nested: Mapping[str, Any]) -> dict[str, Any]:
+    """Scenario fields by path, {'controller.k_p': 350.0}; tuples as lists, as files hold them."""
+    return {
+        f"{section}.{name}": list(value) if isinstance(value, tuple) else value
+        for section, fields in nested.items()
+        if isinstance(fields, Mapping)
+        for name, value in fields.items()
+    }
+
+
+def scenario_fields(data: xr.Dataset) -> dict[str, Any] | None:
+    """Scenario fields of a recording by path; None where it keeps none.  ScenarioError where they are no YAML."""
+    text = data.attrs.get("scenario")
+    return flat(scenario_io.parse_mapping(str(text), "scenario of the recording")) if text else None
+
+
+def number(value: Any) -> str:
+    """A value of a result as short text."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "–"
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no"
+    if isinstance(value, float | np.floating):
+        return f"{value:.4g}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(number, value)) + "]"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {number(item)}" for key, item in value.items())
+    return str(value)
+
+
+def _split(data: xr.Dataset, signal: str) -> list[Component]:
+    variable = data[signal]
+    others = [str(dim) for dim in variable.dims if dim != "time"]
+    labels = [
+        [str(label) for label in data[dim].values] if dim in data.coords else [str(k) for k in range(data.sizes[dim])]
+        for dim in others
+    ]
+    units = str(variable.attrs.get("units", "1"))
+    parts = units.split(", ")
+    each = others and len(parts) == data.sizes[others[-1]]
+    found = []
+    for place in itertools.product(*(range(data.sizes[dim]) for dim in others)):
+        names = tuple(labels[k][index] for k, index in enumerate(place))
+        unit = parts[place[-1]] if each else units
+        found.append(Component("_".join([signal, *names]), signal, names, place, unit))
+    return found

@@ -1,0 +1,213 @@
+"""summary.json of a study as xarray Datasets, with units."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from flipdiagram.results.signals import unit_of
+from flipdiagram.studies.experiment import recording_name
+from flipdiagram.studies.recordings import load_recording
+
+Summary = Mapping[str, Any]
+OMITTED = ("architecture", "start_y_m", "plan")
+"""Entries of a run that are coordinates, or the same for all architectures."""
+
+
+def turnover(summary: Summary, folder: Path) -> xr.Dataset:
+    """The runs over (architecture, joint); the plan's numbers as attributes `plan_…`."""
+    runs = {(run["architecture"],): _run(run) for run in summary["runs"]}
+    files = (folder / str(run.get("recording")) for run in summary["runs"])
+    coords = {"architecture": [run["architecture"] for run in summary["runs"]]}
+    data = _table(runs, coords, files)
+    plan = {f"plan_{name}": v for name, v in summary["plan"].items() if isinstance(v, int | float | str)}
+    return data.assign_attrs({**_head(summary), **plan})
+
+
+def experiment(summary: Summary, folder: Path) -> xr.Dataset:
+    """The runs over (architecture, start_y, joint), and the claims E1–E8 over `claim`."""
+    coords = {"architecture": list(summary["architectures"]), "start_y": list(summary["starts_y_m"])}
+    runs = {(run["architecture"], run["start_y_m"]): _run(run) for run in summary["runs"]}
+    files = (folder / recording_name(y, name) for name, y in runs)
+    data = _table(runs, coords, files)
+    data["start_y"].attrs["units"] = "m"
+    found = claims(summary["claims"]).rename({name: f"claim_{name}" for name in ("holds", "text", "measured")})
+    return xr.merge([data, found], join="outer", compat="no_conflicts").assign_attrs(_head(summary))
+
+
+def borders(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
+    """Each map over (architecture, its y, its x), by name; the table of solvers and estimates as 'variations'."""
+    found = {drawn["name"]: _map(drawn).assign_attrs(_head(summary)) for drawn in summary["maps"]}
+    rows = summary["variations"]
+    if rows:
+        names = list(rows[0]["runs"])
+        cells = {(name, row["name"]): dict(row["runs"][name]) for name in names for row in rows}
+        data = _table(cells, {"architecture": names, "variation": [row["name"] for row in rows]})
+        groups = ("variation", [row["group"] for row in rows])
+        found["variations"] = data.assign_coords(group=groups).assign_attrs(_head(summary))
+    return found
+
+
+def frequency(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
+    """The curves of each figure over (curve, omega), the torques of '9' over (architecture, omega, g_dis), 'claims'."""
+    found = {}
+    for figure in dict.fromkeys(curve["figure"] for curve in summary["curves"]):
+        curves = [curve for curve in summary["curves"] if curve["figure"] == figure]
+        found[figure] = _curves(curves).assign_attrs({**_head(summary), "figure": figure})
+    rows = summary["torque"]
+    if rows:
+        cutoffs = rows[0]["g_dis_rad_s"]
+        cells = {
+            (row["architecture"], row["omega_rad_s"], g): {"max_torque_N": torque, "theory_N": exact}
+            for row in rows
+            for g, torque, exact in zip(row["g_dis_rad_s"], row["max_torque_N"], row["theory"], strict=True)
+        }
+        coords: dict[str, list[Any]] = {
+            "architecture": list(dict.fromkeys(row["architecture"] for row in rows)),
+            "omega": list(dict.fromkeys(row["omega_rad_s"] for row in rows)),
+            "g_dis": list(cutoffs),
+        }
+        found["9"] = _in_rad_s(_table(cells, coords)).assign_attrs({**_head(summary), "figure": "9"})
+    found["claims"] = claims(summary["claims"]).assign_attrs(_head(summary))
+    return found
+
+
+def report(summary: Summary, folder: Path) -> xr.Dataset:
+    """Every claim of the report over `claim`."""
+    return claims(summary["claims"]).assign_attrs(_head(summary))
+
+
+def claims(rows: Sequence[Mapping[str, Any]]) -> xr.Dataset:
+    """Whether each claim holds: 1, 0, or nan where it was not judged; its text, and what was measured."""
+    holds = [np.nan if row["holds"] is None else float(row["holds"]) for row in rows]
+    texts = [str(row.get("claim", row.get("text", ""))) for row in rows]
+    measured = [row["measured"] if isinstance(row["measured"], str) else json.dumps(row["measured"]) for row in rows]
+    note = {"units": "1", "note": "1 holds, 0 does not, nan not judged"}
+    return xr.Dataset(
+        {"holds": ("claim", holds, note), "text": ("claim", texts), "measured": ("claim", measured)},
+        coords={"claim": [row["id"] for row in rows]},
+    )
+
+
+def _head(summary: Summary) -> dict[str, Any]:
+    versions = {f"{name}_version": str(text) for name, text in summary["versions"].items()}
+    return {"schema": summary["schema"], **versions, "scenario": json.dumps(summary["scenario"])}
+
+
+def _run(run: Mapping[str, Any]) -> dict[str, Any]:
+    """One run with plain entries: its touch-down spread out, what is a coordinate left out."""
+    flat = {name: value for name, value in run.items() if name not in (*OMITTED, "touchdown")}
+    landed = run.get("touchdown") or {}
+    return flat | {f"touchdown_{name}": landed.get(name) for name in ("time_s", "y_m", "z_m", "theta_rad")}
+
+
+def _table(
+    cells: Mapping[tuple[Any, ...], Mapping[str, Any]], coords: Mapping[str, list[Any]], files: Iterable[Path] = ()
+) -> xr.Dataset:
+    """Entries of cells, by their coordinates, as arrays: numbers with nan, texts with '', yes and no as bool.
+
+    A list is spread over `joint`, whose names the first recording that exists gives.
+    """
+    dims, shape = tuple(coords), tuple(len(values) for values in coords.values())
+    names = dict.fromkeys(name for cell in cells.values() for name in cell)
+    variables: dict[str, Any] = {}
+    width = 0
+    for name in names:
+        values = [cell[name] for cell in cells.values() if cell.get(name) is not None]
+        units = {"units": unit_of(name)}
+        if values and isinstance(values[0], list):
+            width = len(values[0])
+            spread: np.ndarray = np.full((*shape, width), np.nan)
+            variables[name] = ((*dims, "joint"), spread, units)
+        elif values and all(isinstance(value, bool) for value in values):
+            variables[name] = (dims, np.zeros(shape, dtype=bool), {})
+        elif name == "failure" or (values and all(isinstance(value, str) for value in values)):
+            variables[name] = (dims, np.full(shape, "", dtype=object), {})
+        else:
+            variables[name] = (dims, np.full(shape, np.nan), units)
+    for place, cell in cells.items():
+        at = tuple(values.index(label) for values, label in zip(coords.values(), place, strict=True))
+        for name, value in cell.items():
+            if value is not None:
+                variables[name][1][at] = value
+    joints = {"joint": _joints(files, width)} if width else {}
+    return xr.Dataset(variables, coords={**coords, **joints})
+
+
+def _joints(files: Iterable[Path], count: int) -> list[str]:
+    """Names of the joints as a recording has them, else their numbers: summary.json does not tell."""
+    for file in files:
+        if file.is_file():
+            return [str(name) for name in load_recording(file)["joint"].values]
+    return [str(k + 1) for k in range(count)]
+
+
+def _map(drawn: Mapping[str, Any]) -> xr.Dataset:
+    (x, x_values, x_unit), (y, y_values, y_unit) = _axis(drawn["x"]), _axis(drawn["y"])
+    names = list(drawn["architectures"])
+    cells = {
+        (name, y_value, x_value): {key: table[j][i] for key, table in drawn["architectures"][name].items()}
+        for name in names
+        for j, y_value in enumerate(y_values)
+        for i, x_value in enumerate(x_values)
+    }
+    data = _table(cells, {"architecture": names, y: y_values, x: x_values})
+    data[x].attrs.update(units=x_unit, long_name=drawn["x"]["label"])
+    data[y].attrs.update(units=y_unit, long_name=drawn["y"]["label"])
+    return data.assign_attrs(title=drawn["title"], question=drawn["question"])
+
+
+def _axis(axis: Mapping[str, Any]) -> tuple[str, list[Any], str]:
+    """Name, values and unit of an axis of a map; where a value is a word ('lab'), all are texts."""
+    match = re.fullmatch(r"(.*?) *\[(.+)\]", axis["label"])
+    name, unit = (match[1], match[2]) if match else (axis["label"], "1")
+    values = list(axis["values"])
+    if any(isinstance(value, str) for value in values):
+        values = [value if isinstance(value, str) else f"{value:g}" for value in values]
+    return re.sub(r"\W+", "_", name).strip("_"), values, unit
+
+
+def _curves(curves: Sequence[Mapping[str, Any]]) -> xr.Dataset:
+    omega = curves[0]["omega_rad_s"]
+    if any(curve["omega_rad_s"] != omega for curve in curves):
+        raise ValueError("the curves of one figure have different frequencies")
+    unit = {"units": curves[0].get("unit", "1")}
+    keys = [key for key in ("value", "theory", "fundamental") if any(curve.get(key) for curve in curves)]
+    nothing = [np.nan] * len(omega)
+    variables = {
+        key: (("curve", "omega"), np.array([curve.get(key) or nothing for curve in curves], dtype=float), unit)
+        for key in keys
+    }
+    cutoffs = [np.nan if curve["g_dis_rad_s"] is None else curve["g_dis_rad_s"] for curve in curves]
+    data = xr.Dataset(
+        variables,
+        coords={
+            "omega": omega,
+            "architecture": ("curve", [curve["architecture"] for curve in curves]),
+            "g_dis": ("curve", cutoffs),
+            "friction": ("curve", [bool(curve["friction"]) for curve in curves]),
+        },
+    )
+    return _in_rad_s(data)
+
+
+def _in_rad_s(data: xr.Dataset) -> xr.Dataset:
+    for name in ("omega", "g_dis"):
+        data[name].attrs["units"] = "rad/s"
+    return data
+
+
+READERS: dict[str, Callable[[Summary, Path], xr.Dataset | dict[str, xr.Dataset]]] = {
+    "turnover": turnover,
+    "experiment": experiment,
+    "borders": borders,
+    "frequency": frequency,
+    "report": report,
+}
+"""By study."""

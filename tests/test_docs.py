@@ -1,0 +1,91 @@
+"""The API reference as `make docs` builds it: every module, the equations, nothing from elsewhere."""
+
+import html
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "flipdiagram"
+MODULES = sorted(
+    path.relative_to(PACKAGE).with_suffix("").as_posix().removesuffix("/__init__").removesuffix("__init__")
+    for path in PACKAGE.rglob("*.py")
+    if not re.fullmatch(r"_(?!_init__).*", path.stem)
+)
+LOADING = r'<(?:script|img|iframe|source|video|audio|embed)\b[^>]*\bsrc="([^"]*)"|<link\b[^>]*\bhref="([^"]*)"|(?:url\(|@import )["\']?([^"\')]*)'
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory):
+    """Text of each file by its path; built by a process of its own, as the build dresses up our classes."""
+    out = tmp_path_factory.mktemp("docs")
+    command = [sys.executable, "-W", "error::UserWarning", ROOT / "docs" / "build.py", "--out", out]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stderr) == (0, ""), done.stderr
+    return {path.relative_to(out).as_posix(): path.read_text(encoding="utf-8") for path in out.rglob("*.*")}
+
+
+@pytest.fixture(scope="module")
+def page(reference):
+    """page(module): what a reader sees of it, in one line of words."""
+
+    def words(module):
+        text = reference[f"flipdiagram/{module}.html"]
+        text = text[text.index("<main") :].partition("</main>")[0]
+        text = re.sub(r'<div class="pdoc-code codehilite">.*?</div>', "", text, flags=re.DOTALL)  # "View Source"
+        return " ".join(html.unescape(re.sub(r"<[^>]*>", "", text)).split())
+
+    return words
+
+
+def test_every_public_module_has_a_page_that_others_link_to(reference):
+    assert "" in MODULES and "blocks/pd" in MODULES and "blocks/_parameters" not in MODULES
+    pages = {f"flipdiagram/{module}.html" if module else "flipdiagram.html" for module in MODULES}
+    assert pages == {name for name in reference if name.endswith(".html")} - {"index.html"}
+    for name in pages - {"flipdiagram.html"}:
+        parent = name.rpartition("/")[0] + ".html"
+        link = name.removeprefix(parent.rpartition("/")[0]).removeprefix("/")
+        assert f'href="{link}"' in reference[parent] or f'href="./{link}"' in reference[parent], f"{parent} has no link to {link}"
+    assert 'url=./flipdiagram.html"' in reference["index.html"].replace("url=flip", "url=./flip")
+
+
+@pytest.mark.parametrize(
+    ("module", "words"),
+    [
+        ("blocks/pd", "a_ref = K_p (x_cmd - x) + K_v (v_cmd - v)"),
+        ("blocks/pd", "ProportionalDerivative( k_p: ArrayLike, k_v: ArrayLike)"),
+        ("blocks/pd", "Inputs x_cmd, x [m or rad] and v_cmd, v [m/s or rad/s], output a_ref"),
+        ("blocks/observer", "tau_dis = g/(s+g) [tau + g M_n qd] - g M_n qd"),
+        ("blocks/observer", "w[k+1] = e^(-g T) w[k] + (1 - e^(-g T)) (tau[k] + g M_n qd[k])"),
+        ("blocks/observer", "DisturbanceObserver( g_dis: ArrayLike, inertia: ArrayLike, period: float, offset: float = 0.0)"),
+        ("blocks/inverse_jacobian", "qdd_ref = J_t^-1 (a_ref - Jdot_t qd)"),
+        ("controller", "The four architectures differ by which boxes are present"),
+        ("scenario", "position gain (p) [1/s2]"),
+    ],
+)
+def test_equations_ports_and_units_are_there(page, module, words):
+    assert words.replace(" ", "") in page(module).replace(" ", "")
+
+
+def test_names_that_only_python_knows_are_not(page):
+    for module in filter(None, MODULES):
+        text = page(module)
+        assert "𝓣" not in text and "ToScalarType" not in text and "Overloaded function" not in text, module
+
+
+def test_nothing_names_this_machine(reference):
+    pattern = re.compile(r"(?<![a-zA-Z0-9_.])/(?:home|root|Users|work|tmp|farm)/[A-Za-z]| at 0x[0-9a-f]{6}")
+    own = [str(ROOT), sys.prefix, str(Path.home()) + "/"]
+    for name, text in reference.items():
+        assert not pattern.search(text) and not any(place in text for place in own), name
+
+
+def test_nothing_is_loaded_from_elsewhere(reference):
+    for name, text in reference.items():
+        found = ("".join(groups) for groups in re.findall(LOADING, text)) if name.endswith(".html") else ()
+        outside = {place for place in found if re.match(r"\s*(?:https?:)?//", place)}
+        assert not outside, name
+    assert not re.search(r"(?:fetch|importScripts|XMLHttpRequest)\(\s*[\"']https?:", "".join(reference.values()))
