@@ -130,6 +130,7 @@ def _add_own(plant: MultibodyPlant, own: ArmFile, scales: dict[str, Any]) -> Add
         except (RuntimeError, IndexError) as error:
             raise ScenarioError(f"arm.file = '{own.path}' cannot be read: {error}") from None
         _fix_off_the_chain(plant, instance, own)
+        _free_from_the_ground(plant, instance, own)
     joints = _moving(plant, instance)
     names = [joint.name() for joint in joints]
     for field in ("home", "torque_limits", "speed_limits", "reflected_inertia"):
@@ -187,6 +188,15 @@ def _actuate(
         if (scale := scales.get("speed_scale", 1.0)) != 1.0:
             joint.set_velocity_limits(scale * joint.velocity_lower_limits(), scale * joint.velocity_upper_limits())
     return limits
+
+
+def _free_from_the_ground(plant: MultibodyPlant, instance: ModelInstanceIndex, own: ArmFile) -> None:
+    """Remove what the file itself fixes the base to the world with: where it stands is the scenario's."""
+    base = plant.GetFrameByName(own.base, instance).body().index()
+    for index in plant.GetJointIndices(instance):
+        joint = plant.get_joint(index)
+        if joint.child_body().index() == base and joint.num_velocities() == 0:
+            plant.RemoveJoint(joint)
 
 
 def _fix_off_the_chain(plant: MultibodyPlant, instance: ModelInstanceIndex, own: ArmFile) -> None:

@@ -58,7 +58,9 @@ def _run(argv: list[str]) -> int:
     if arguments.version:
         commands.print_version()
         return 0
-    scenario = _load_scenario(arguments.scenario, overrides)
+    if "scenario" not in arguments and overrides:
+        options.error(f"'{arguments.command}' takes no fields of a scenario")
+    scenario = _load_scenario(getattr(arguments, "scenario", None), overrides)
     getattr(commands, arguments.command)(arguments, scenario)
     return 0
 

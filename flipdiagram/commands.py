@@ -50,11 +50,17 @@ def flip(arguments: argparse.Namespace, scenario: Scenario) -> None:
     from flipdiagram.studies import turnover
     from flipdiagram.tables import turnover_table
 
+    chosen = list(dict.fromkeys(arguments.architecture))
+    if arguments.meshcat:
+        from flipdiagram.live import show_live
+
+        show_live(scenario, chosen)
+        return
     with status(arguments.quiet) as progress:
         result = turnover.run(
             scenario,
             out,
-            list(dict.fromkeys(arguments.architecture)),
+            chosen,
             quick=arguments.quick,
             jobs=arguments.jobs,
             progress=progress,
@@ -156,6 +162,33 @@ def report(arguments: argparse.Namespace, scenario: Scenario) -> None:
         if arguments.quick:
             print("a quick report: coarse, two starts, not the numbers to quote")
         print(f"written to {written.html} and {written.markdown}")
+
+
+def diagram(arguments: argparse.Namespace, scenario: Scenario) -> None:
+    """The block diagram as a picture or text."""
+    from flipdiagram.diagrams import drawing_of, write
+
+    drawn = drawing_of(
+        scenario, arguments.architecture, one_dof=arguments.one_dof, depth=arguments.depth, rates=arguments.rates
+    )
+    if arguments.table:
+        print(drawn.rates().to_markdown(), end="")
+    if arguments.out is not None or not arguments.table:
+        write(drawn, arguments.format, arguments.out)
+
+
+def info(arguments: argparse.Namespace, scenario: Scenario) -> None:
+    """What a result file holds."""
+    from flipdiagram.results import info
+
+    _show(info(arguments.file))
+
+
+def completion(arguments: argparse.Namespace, scenario: Scenario) -> None:
+    """The completion script of a shell."""
+    from flipdiagram.completion import script
+
+    print(script(arguments.shell), end="")
 
 
 def _show(*grids: Grid | None) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from pydrake.geometry import Meshcat, MeshcatVisualizer
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
@@ -66,13 +67,14 @@ def build_loop(
     planner: Callable[[], Plan] | None = None,
     record: bool = False,
     replace: Mapping[str, Box] | None = None,
+    meshcat: Meshcat | None = None,
 ) -> Loop:
     """Wire MPC, controller, sensors and cell of a scenario into one diagram, boxes named as in Fig. 4.
 
     planner: what the MPC calls at the start of a run, by default the scenario's own; record: add sinks that log the
     signals every controller period; replace: boxes of the user's own by name, {"pd": MyController}, see
-    `replacement.chosen`.  Raises ScenarioError for an unknown architecture, a bad number or a box that does not fit,
-    PlanningError where the arm cannot be at the start pose.
+    `replacement.chosen`; meshcat: where to show the cell.  Raises ScenarioError for an unknown architecture, a bad
+    number or a box that does not fit, PlanningError where the arm cannot be at the start pose.
     """
     arm = arm_of(scenario)
     motion = Planner(scenario, arm)
@@ -115,6 +117,8 @@ def build_loop(
         for name, port in signals.items():
             logs[name] = builder.AddNamedSystem(f"log_{name}", VectorLogSink(port.size(), settings.period))
             builder.Connect(port, logs[name].get_input_port())
+    if meshcat is not None:
+        MeshcatVisualizer.AddToBuilder(builder, cell.scene_graph, meshcat)
     try:
         diagram = builder.Build()
     except RuntimeError as error:

@@ -9,7 +9,8 @@ from typing import Any, NoReturn
 
 from flipdiagram.errors import ScenarioError
 
-COMMANDS = ("plan", "flip", "frequency", "experiment", "borders", "report", "scenario")
+COMMANDS = ("plan", "flip", "frequency", "experiment", "borders", "report", "diagram", "info", "scenario", "completion")
+FORMATS = ("dot", "svg", "png", "mermaid")
 SHORT = {"--start-y": "task.start_y"}
 EPILOG = (
     "Every field of the scenario is an option: --controller.k_p 400 or --controller.k-p=400. "
@@ -37,8 +38,10 @@ def parser() -> argparse.ArgumentParser:
     common = _Parser(add_help=False)
     common.add_argument("--scenario", metavar="FILE", help="YAML file; what it leaves out keeps its default")
 
-    def add(name: str, text: str, out: str | None = None) -> _Parser:
-        command = commands.add_parser(name, help=text, description=text, epilog=EPILOG, parents=[common])
+    def add(name: str, text: str, out: str | None = None, scenario: bool = True) -> _Parser:
+        command = commands.add_parser(
+            name, help=text, description=text, epilog=EPILOG if scenario else None, parents=[common] if scenario else []
+        )
         if out is not None:
             command.add_argument("--quiet", action="store_true", help="print errors only")
             command.add_argument("--out", type=Path, default=Path(out), metavar="DIR", help=f"results ({out})")
@@ -49,6 +52,7 @@ def parser() -> argparse.ArgumentParser:
     flip = add("flip", "Plan the motion and simulate it under each controller.", "out/turnover")
     _architectures_option(flip)
     flip.add_argument("--quick", action="store_true", help="shorter hold, no snapshots and replay")
+    flip.add_argument("--meshcat", action="store_true", help="watch the simulation in a browser, at half speed")
     flip.add_argument("--no-replay", action="store_true", help="no snapshots and no replay.html")
     _jobs_option(flip)
 
@@ -71,6 +75,21 @@ def parser() -> argparse.ArgumentParser:
     report = add("report", "Run or reuse all studies; every claim measured, on one page.", "out/report")
     report.add_argument("--quick", action="store_true", help="under two minutes: coarse, two starts, few maps")
     _jobs_option(report)
+
+    diagram = add("diagram", "Draw the block diagram of a controller, or of the 1-DOF loop.")
+    diagram.add_argument("--architecture", type=_architecture, default="pd+ff+dob", metavar="A", help="(pd+ff+dob)")
+    diagram.add_argument("--one-dof", action="store_true", help="the loop of section III instead of the robot's")
+    diagram.add_argument("--format", choices=FORMATS, help="(from the ending of --out, else mermaid)")
+    diagram.add_argument("--out", type=Path, metavar="FILE", help="where to write it (stdout)")
+    diagram.add_argument("--depth", type=int, default=0, metavar="N", help="levels of inner diagrams opened (0)")
+    diagram.add_argument("--rates", action="store_true", help="colour the boxes by sample time")
+    diagram.add_argument("--table", action="store_true", help="print rates, ports and feed-through as a table")
+
+    info = add("info", "Say what a result file holds: recording, summary or plan.", scenario=False)
+    info.add_argument("file", metavar="FILE", help="a .nc, summary.json or plan.json, or a folder of results")
+
+    completion = add("completion", "Print the completion script of a shell.", scenario=False)
+    completion.add_argument("shell", metavar="SHELL", help="bash, zsh or fish: source <(flipdiagram completion bash)")
 
     add("scenario", "Print the scenario as YAML, each field with its unit.")
     return whole

@@ -20,6 +20,8 @@ from flipdiagram.scenario import Scenario
 
 CHUNK = 0.1
 """Simulated seconds between two looks at progress and divergence."""
+FRAME = 0.02
+"""The same where somebody watches."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +39,13 @@ def simulate(
     plan: Plan | None = None,
     progress: Callable[[float], None] | None = None,
     loop: Loop | None = None,
+    pace: Callable[[float], None] | None = None,
 ) -> Run:
     """Hold, motion, release, touch-down and settling of one flip.
 
     plan: the motion to follow; without one the MPC plans when the run starts.  progress: called with the fraction
-    done.  loop: one built with record=True, to be used again.  Raises ScenarioError for a bad scenario, PlanningError
+    done.  loop: one built with record=True, to be used again.  pace: called with the simulated time every `FRAME`,
+    to hold the simulation back.  Raises ScenarioError for a bad scenario, PlanningError
     where there is no motion, SimulationError where the simulation diverges.
     """
     loop = loop or build_loop(scenario, architecture, record=True)
@@ -53,11 +57,14 @@ def simulate(
     settings = scenario.simulation
     end = settings.hold_time + max(plan.duration, plan.touchdown_time) + settings.settle_time
     begin = time.perf_counter()
-    for chunk in range(1, math.ceil(end / CHUNK) + 1):
-        until = min(chunk * CHUNK, end)
+    length = CHUNK if pace is None else FRAME
+    for chunk in range(1, math.ceil(end / length) + 1):
+        until = min(chunk * length, end)
         _advance(simulator, until)
         if progress is not None:
             progress(until / end)
+        if pace is not None:
+            pace(until)
     elapsed = time.perf_counter() - begin
     return Run(_read(loop, context, plan), plan, end / elapsed)
 

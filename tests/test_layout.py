@@ -18,7 +18,7 @@ ORDER = (
     "arm_files", "assets", "provenance", "task_space", "inverse_kinematics", "assembly", "arm", "parts",
     "planning", "blocks", "plants", "replacement", "controller", "one_dof_loop", "loop", "compiled", "recording", "margins", "simulate", "metrics", "second_engine", "studies",
     "scene", "sketch", "snapshots", "figures", "frequency_figures", "replay", "gallery", "grid", "tables",
-    "frequency_tables", "experiment_figures", "experiment_tables", "border_figures", "border_tables", "results", "drawing", "report",
+    "frequency_tables", "experiment_figures", "experiment_tables", "border_figures", "border_tables", "results", "drawing", "diagrams", "report",
     "live", "terminal", "options", "completion", "commands", "cli",
 )  # fmt: skip
 

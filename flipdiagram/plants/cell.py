@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.common.value import Value
+from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import AddMultibodyPlant, ContactResults, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, InputPort, LeafSystem, OutputPort
@@ -24,6 +25,7 @@ class Cell:
     """Handles to the cell: input tau (n,) [N·m]; outputs q, qd (n,), contact_wrench (12,); the parts inside."""
 
     plant: MultibodyPlant
+    scene_graph: SceneGraph
     parts: Parts
     tau: InputPort
     q: OutputPort
@@ -93,7 +95,7 @@ def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel) -> Cell
         discrete_contact_approximation=settings.contact_approximation,
         use_sampled_output_ports=False,
     )
-    plant, _ = AddMultibodyPlant(config, builder)
+    plant, scene_graph = AddMultibodyPlant(config, builder)
     parts = add_parts(plant, scenario)
     plant.Finalize()
     plant.set_name("robot")
@@ -109,6 +111,7 @@ def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel) -> Cell
     builder.Connect(plant.get_contact_results_output_port(), contact.get_input_port())
     return Cell(
         plant,
+        scene_graph,
         parts,
         tau=torque.get_input_port(0),
         q=state.get_output_port(0),
