@@ -1,6 +1,8 @@
 # make flip    install and run the main job: plan, simulate four controllers, figures, replay  -> out/turnover
 # make test    install, lint, and pass the tests
 # make lint    ruff and mypy only         make bench   speed, against the targets  -> out/bench
+# make docs    API reference from the docstrings  -> out/docs
+# make report  run the studies, write the report, copy its tables and pictures into README.md and docs/  -> out/report
 # make clean   remove results, caches and build products; the .venv* folders stay
 # Another Python:  make test PYTHON=python3.12   (a name or a path)
 
@@ -15,8 +17,9 @@ RUN := $(VENV)/bin/python
 INSTALLED := $(VENV)/.installed
 TESTABLE := $(VENV)/.installed-test
 BENCHABLE := $(VENV)/.installed-bench
+DOCUMENTABLE := $(VENV)/.installed-docs
 
-.PHONY: flip test lint bench clean python programs
+.PHONY: flip test lint bench docs report clean python programs
 .DELETE_ON_ERROR:
 
 flip: $(INSTALLED)
@@ -32,6 +35,14 @@ lint: $(TESTABLE)
 bench: $(BENCHABLE)
 	$(RUN) bench/run.py --out $(OUT)/bench
 
+docs: $(DOCUMENTABLE)
+	rm -rf $(OUT)/docs
+	$(RUN) docs/build.py --out $(OUT)/docs
+
+report: $(TESTABLE)
+	$(RUN) -m flipdiagram.cli report --out $(OUT)/report
+	$(RUN) docs/publish.py $(OUT)/report
+
 clean:
 	rm -rf out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
 	find flipdiagram tests -name __pycache__ -type d -prune -exec rm -rf {} +
@@ -42,6 +53,10 @@ $(INSTALLED): pyproject.toml | python
 
 $(TESTABLE): pyproject.toml | python
 	$(RUN) -m pip install --quiet --editable '.[test]'
+	@touch $@ $(INSTALLED)
+
+$(DOCUMENTABLE): pyproject.toml | python
+	$(RUN) -m pip install --quiet --editable '.[docs]'
 	@touch $@ $(INSTALLED)
 
 $(BENCHABLE): pyproject.toml | python
@@ -63,9 +78,11 @@ python:
 	  '$(PYTHON)' -m venv --clear $(VENV); \
 	fi
 
-# What tests of single features need: graphviz's dot draws diagrams, chromium opens the replay, Mesa renders snapshots.
+# What tests of single features need: graphviz's dot draws diagrams, chromium opens the replay, Mesa renders snapshots,
+# zsh and fish complete the command line.
 programs:
 	@missing=; \
+	for shell in zsh fish; do command -v $$shell >/dev/null || missing="$$missing $$shell"; done; \
 	command -v dot >/dev/null || missing="$$missing graphviz"; \
 	command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null \
 	  || missing="$$missing chromium"; \

@@ -10,6 +10,7 @@ import argparse
 import importlib
 import inspect
 import json
+import os
 import pkgutil
 import sys
 import tempfile
@@ -99,15 +100,13 @@ def show_templates(module: ModuleType) -> None:
 
 
 def constructor(instance: Any) -> Any:
-    """An `__init__` with the signature of the template's `_construct`, less what Drake passes to itself."""
-
-    def __init__(self: Any) -> None: ...
-
-    signature = inspect.signature(instance._construct)
+    """The template's `_construct` as an `__init__`, less the argument that Drake passes to itself."""
+    construct = vars(instance)["_construct"]
+    signature = inspect.signature(construct)
     own = [parameter for parameter in signature.parameters.values() if parameter.name != "converter"]
-    vars(__init__).update(__signature__=signature.replace(parameters=own, return_annotation=inspect.Signature.empty))
-    __init__.__module__, __init__.__qualname__ = instance.__module__, f"{instance.__qualname__}.__init__"
-    return __init__
+    construct.__signature__ = signature.replace(parameters=own, return_annotation=inspect.Signature.empty)
+    construct.__name__, construct.__qualname__ = "__init__", f"{instance.__qualname__}.__init__"
+    return construct
 
 
 def show_constructors(module: ModuleType) -> None:
@@ -149,6 +148,8 @@ def main() -> None:
     options = argparse.ArgumentParser(description="Build the API reference.")
     options.add_argument("--out", type=Path, default=Path("out/docs"), metavar="DIR", help="folder (out/docs)")
     out = options.parse_args().out
+    if os.environ.get("PYTHONHASHSEED") != "0":  # sets are printed in the order of their hashes
+        os.execve(sys.executable, [sys.executable, *sys.argv], {**os.environ, "PYTHONHASHSEED": "0"})
     names = build(out)
     print(f"{len(names)} modules; open {out / 'index.html'}")
 

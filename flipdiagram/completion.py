@@ -1,6 +1,7 @@
 """Completion of the command line by the shell: commands, options, their choices, and every field of the scenario.
 
 The scripts are static text made from the parser itself by `shtab`: a shell that completes starts no Python.
+`eval "$(flipdiagram completion bash)"`, the same with zsh, and `flipdiagram completion fish | source` switch it on.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def script(shell: str) -> str:
 def _full_parser() -> argparse.ArgumentParser:
     """The parser of all commands with what it leaves to later checks spelt out: fields, names, files and folders."""
     whole = parser()
-    named = {"architecture": ARCHITECTURES, "maps": (*maps_of(Scenario()), "variations")}
+    named = {"architecture": ARCHITECTURES, "maps": (*maps_of(Scenario()), "variations"), "shell": SHELLS}
     for command in _commands(whole):
         takes_scenario = False
         for action in command._actions:

@@ -89,7 +89,7 @@ def parser() -> argparse.ArgumentParser:
     info.add_argument("file", metavar="FILE", help="a .nc, summary.json or plan.json, or a folder of results")
 
     completion = add("completion", "Print the completion script of a shell.", scenario=False)
-    completion.add_argument("shell", metavar="SHELL", help="bash, zsh or fish: source <(flipdiagram completion bash)")
+    completion.add_argument("shell", metavar="SHELL", help='bash, zsh or fish: eval "$(flipdiagram completion bash)"')
 
     add("scenario", "Print the scenario as YAML, each field with its unit.")
     return whole

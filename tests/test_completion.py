@@ -43,8 +43,9 @@ def bash(scripts, tmp_path):
     return offers
 
 
-def test_bash_knows_the_function_that_completes(scripts, tmp_path):
-    text = 'source <(cat "$1"); complete -p flipdiagram'
+@pytest.mark.parametrize("load", ['source <(cat "$1")', 'eval "$(cat "$1")"'])
+def test_bash_knows_the_function_that_completes(scripts, tmp_path, load):
+    text = f"{load}; complete -p flipdiagram"
     assert "-F _shtab_flipdiagram flipdiagram" in ask("bash", "--norc", "-c", text, "bash", scripts["bash"], folder=tmp_path)
 
 
@@ -58,6 +59,7 @@ def test_options_of_a_command(bash):
     assert bash("flip", "--no") == {"--no-replay"}
     assert bash("plan", "--no") == set()
     assert bash("frequency", "--start-") == set(SHORT)
+    assert bash("completion", "") == set(SHELLS)
 
 
 @pytest.mark.parametrize("before", [["--architecture"], ["--quick", "--architecture"], ["--architecture", "pd"]])
@@ -94,6 +96,7 @@ def test_files_and_folders(bash, tmp_path):
     (tmp_path / "minutes").mkdir()
     assert bash("flip", "--scenario", "mi") == {"mine.yaml", "minutes"}
     assert bash("flip", "--out", "mi") == {"minutes"}
+    assert bash("info", "mi") == {"mine.yaml", "minutes"}
 
 
 def test_making_a_script_leaves_the_parser_of_the_command_line_alone(bash):

@@ -1,9 +1,12 @@
-"""The API reference as `make docs` builds it: every module, the equations, nothing from elsewhere."""
+"""The API reference as `make docs` builds it: every module, the equations, nothing from elsewhere; CONTRIBUTING.md."""
 
 import html
+import importlib.util
 import re
 import subprocess
 import sys
+import textwrap
+import types
 from pathlib import Path
 
 import pytest
@@ -22,7 +25,7 @@ LOADING = r'<(?:script|img|iframe|source|video|audio|embed)\b[^>]*\bsrc="([^"]*)
 def reference(tmp_path_factory):
     """Text of each file by its path; built by a process of its own, as the build dresses up our classes."""
     out = tmp_path_factory.mktemp("docs")
-    command = [sys.executable, "-W", "error::UserWarning", ROOT / "docs" / "build.py", "--out", out]
+    command = [sys.executable, ROOT / "docs" / "build.py", "--out", out]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stderr) == (0, ""), done.stderr
     return {path.relative_to(out).as_posix(): path.read_text(encoding="utf-8") for path in out.rglob("*.*")}
@@ -73,7 +76,7 @@ def test_equations_ports_and_units_are_there(page, module, words):
 def test_names_that_only_python_knows_are_not(page):
     for module in filter(None, MODULES):
         text = page(module)
-        assert "𝓣" not in text and "ToScalarType" not in text and "Overloaded function" not in text, module
+        assert "𝓣" not in text and "converter: Any" not in text and "ToScalarType" not in text and "Overloaded function" not in text, module
 
 
 def test_nothing_names_this_machine(reference):
@@ -89,3 +92,39 @@ def test_nothing_is_loaded_from_elsewhere(reference):
         outside = {place for place in found if re.match(r"\s*(?:https?:)?//", place)}
         assert not outside, name
     assert not re.search(r"(?:fetch|importScripts|XMLHttpRequest)\(\s*[\"']https?:", "".join(reference.values()))
+
+
+CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def contributed(monkeypatch):
+    """The contract suite of the blocks with the block of CONTRIBUTING.md entered as its step 2 says."""
+    (code,) = re.findall(r"^ +```python\n(.*?)^ +```", CONTRIBUTING, re.DOTALL | re.MULTILINE)
+    module = types.ModuleType("contributed_damping")
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    exec(compile(textwrap.dedent(code), "CONTRIBUTING.md", "exec"), vars(module))
+    (entry,) = re.findall(r"`(\"damping\": lambda: .*?),`", CONTRIBUTING)
+    place = ROOT / "tests" / "blocks" / "test_contract.py"
+    found = importlib.util.spec_from_file_location("contract_of_the_contributed", place)
+    suite = importlib.util.module_from_spec(found)
+    found.loader.exec_module(suite)
+    suite.BLOCKS.update(eval(f"{{{entry}}}", vars(module)))
+    return suite
+
+
+@pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")  # as in the suite itself
+def test_the_block_of_contributing_passes_the_contract_of_blocks(contributed):
+    contributed.test_no_result_is_stale("damping")
+    for form in ("ToAutoDiffXd", "ToSymbolic"):
+        contributed.test_other_scalars_give_the_same_numbers("damping", form)
+    contributed.test_converted_blocks_keep_ports_sampling_and_defaults("damping")
+    contributed.test_every_block_says_what_it_is("damping")
+
+
+def test_contributing_names_every_folder_and_only_files_that_exist():
+    for folder in {path.parent for path in PACKAGE.rglob("*.py")}:
+        assert f"| `{folder.relative_to(ROOT).as_posix()}/` |" in CONTRIBUTING
+    for name in re.findall(r"`((?:tests|flipdiagram|studies|blocks|drawing|docs)/[\w/]+\.py)`", CONTRIBUTING):
+        example = name.endswith(("blocks/damping.py", "test_damping.py"))
+        assert example or (ROOT / name).is_file() or (PACKAGE / name).is_file(), name
