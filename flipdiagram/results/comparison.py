@@ -18,27 +18,29 @@ from flipdiagram.grid import BAD, GOOD, Grid
 from flipdiagram.metrics import measure
 from flipdiagram.planning.plan import Plan
 from flipdiagram.results import plots
-from flipdiagram.results.differences import Change, changes, leaves
+from flipdiagram.results.differences import (
+    Change,
+    SignalDifference,
+    changes,
+    common_samples,
+    comparable,
+    leaves,
+    signal_difference,
+)
 from flipdiagram.results.opening import Source, read
-from flipdiagram.results.signals import check_recording, components, flat, number, scenario_fields, unit_of
+from flipdiagram.results.signals import (
+    check_recording,
+    components,
+    field_unit,
+    flat,
+    number,
+    scenario_fields,
+)
 
 SECOND = "#CC79A7"
 """The colour of the second recording where both are of one architecture."""
 MOST = 60
 """Rows of a Markdown table; the attributes of `Comparison` have all."""
-
-
-@dataclass(frozen=True)
-class SignalDifference:
-    """b − a of one component on the times that both have: largest with its time [s], and RMS, in `unit`."""
-
-    name: str
-    unit: str
-    largest: float
-    rms: float
-    time: float
-    one_sided: int
-    """Samples at which one is nan and the other is not; they count in neither number."""
 
 
 @dataclass(frozen=True)
@@ -86,12 +88,17 @@ class Comparison:
     def grids(self, a: str = "a", b: str = "b") -> list[Grid]:
         """The tables of the comparison that have rows, for a terminal; a and b are the headings."""
         differing = [part for part in self.signals if part.largest or part.one_sided]
+        worst: dict[tuple[str, str], SignalDifference] = {}
+        for part in differing:
+            key = part.signal, part.unit
+            worst[key] = max(worst.get(key, part), part, key=lambda found: (found.largest, found.one_sided))
         signals = [
-            [f"`{p.name}`", p.unit, number(p.largest), number(p.rms), f"{p.time:.3f}", str(p.one_sided or "–")]
-            for p in differing
+            [f"`{p.signal}`", f"`{p.name}`", p.unit, *map(number, (p.largest, p.rms, p.time)), str(p.one_sided or "–")]
+            for p in worst.values()
         ]
-        headings = ["signal", "unit", "largest difference", "RMS", "at [s]", "nan in one only"]
-        grids = [Grid(headings, signals[:MOST], _title("Signals that differ", len(signals)), headings[2:])]
+        headings = ["signal", "most in", "unit", "largest difference", "RMS", "at [s]", "nan in one only"]
+        title = f"Signals that differ ({len(differing)} components)"
+        grids = [Grid(headings, signals, title, headings[3:])]
         for title, rows in (
             ("Metrics", self.metrics), ("Scenario fields that differ", self.scenario),
             ("Verdicts that differ", self.verdicts), ("Numbers that differ", self.numbers),
@@ -112,23 +119,28 @@ class Comparison:
             raise ScenarioError(f"two results of kind '{self.kind}' have no signals; valid are recordings")
         one, other = self.recordings
         parts = components(one, signal)
-        components(other, signal)
+        theirs = [part.name for part in components(other, signal)]
+        if [part.name for part in parts] != theirs:
+            raise ScenarioError(
+                f"'{signal}' is {', '.join(p.name for p in parts)} and {', '.join(theirs)}; valid is equal"
+            )
         panels, own = plots.panels_for(parts, ax)
         twins = one.attrs["architecture"] == other.attrs["architecture"]
         lines = [plots.style_for(one).line(), plots.style_for(other).line()]
         if twins:
             lines[1] |= {"color": SECOND, "linestyle": "--", "zorder": 2.7}
         # the name of an architecture says more than that of a file, where it tells the two apart
-        labels = self.names if twins else tuple(NAMES.get(d.attrs["architecture"], "?") for d in self.recordings)
+        own_names = [str(data.attrs["architecture"]) for data in self.recordings]
+        labels = self.names if twins else (NAMES.get(own_names[0], own_names[0]), NAMES.get(own_names[1], own_names[1]))
         if labels[0] == labels[1]:
             labels = (f"{labels[0]} (a)", f"{labels[1]} (b)")
         for panel, part in zip(panels, parts, strict=True):
             if difference:
-                mine, theirs = (plots.view(data, None) for data in self.recordings)
-                here, there = _common(mine, theirs)
-                values = part.values(theirs)[there] - part.values(mine)[here]
+                first, second = (plots.view(data, None) for data in self.recordings)
+                here, there = common_samples(first, second)
+                values = part.values(second)[there] - part.values(first)[here]
                 label = f"{labels[1]} − {labels[0]}"
-                panel.plot(mine["time"].values[here], values, label=label, **STYLES["command"].line())
+                panel.plot(first["time"].values[here], values, label=label, **STYLES["command"].line())
                 panel.set_ylabel("Δ " + plots.label_of(part))
             else:
                 for data, label, line in zip(self.recordings, labels, lines, strict=True):
@@ -164,20 +176,23 @@ def compare(a: Comparable, b: Comparable) -> Comparison:
         source.plan.summary() if source.plan is not None else dict(source.summary or {}) for source in (one, other)
     ]
     scenarios = [flat(content.pop("scenario", {})) for content in contents]
-    found = changes(leaves(contents[0]), leaves(contents[1]))
+    mine, theirs, notes = comparable(leaves(contents[0]), leaves(contents[1]), names)
+    found = changes(mine, theirs)
     return Comparison(
         names,
         one.kind,
         scenario=_fields(*scenarios),
         verdicts=tuple(change for change in found if not change.numeric),
         numbers=tuple(change for change in found if change.numeric),
+        notes=tuple(notes),
     )
 
 
 def _recordings(one: xr.Dataset, other: xr.Dataset, names: tuple[str, str]) -> Comparison:
-    check_recording(one), check_recording(other)
+    check_recording(one)
+    check_recording(other)
     mine, theirs = ({part.name: part for part in components(data)} for data in (one, other))
-    where = _common(one, other)
+    where = common_samples(one, other)
     alone = [k for k in mine if k not in theirs], [k for k in theirs if k not in mine]
     notes = [f"Only in {names[k]}: " + ", ".join(f"`{part}`" for part in alone[k]) for k in (0, 1) if alone[k]]
     architectures = one.attrs["architecture"], other.attrs["architecture"]
@@ -191,7 +206,7 @@ def _recordings(one: xr.Dataset, other: xr.Dataset, names: tuple[str, str]) -> C
                 notes.append(f"`{name}` is in {mine[name].unit} and in {theirs[name].unit}: not compared")
                 continue
             x, y = mine[name].values(one)[where[0]], theirs[name].values(other)[where[1]]
-            signals.append(_difference(name, mine[name].unit, x, y, time))
+            signals.append(signal_difference(mine[name], x, y, time))
     else:
         notes.append("No time in common: signals not compared")
     fields = [scenario_fields(data) for data in (one, other)]
@@ -204,36 +219,24 @@ def _recordings(one: xr.Dataset, other: xr.Dataset, names: tuple[str, str]) -> C
         "recording",
         same_grid,
         tuple(signals),
-        changes(leaves(measure(one).as_dict()), leaves(measure(other).as_dict()), all_of_them=True),
+        changes(_measured(one), _measured(other), all_of_them=True),
         _fields(*known) if len(known) == 2 else (),
         notes=tuple(notes),
         recordings=(one, other),
     )
 
 
-def _difference(name: str, unit: str, x: np.ndarray, y: np.ndarray, time: np.ndarray) -> SignalDifference:
-    both = np.isfinite(x) & np.isfinite(y)
-    one_sided = int(np.sum(np.isnan(x) != np.isnan(y)))
-    if not both.any():
-        return SignalDifference(name, unit, 0.0, 0.0, float("nan"), one_sided)
-    apart = np.abs(np.where(both, y, 0.0) - np.where(both, x, 0.0))
-    k = int(np.argmax(apart))
-    return SignalDifference(
-        name, unit, float(apart[k]), float(np.sqrt(np.mean(apart[both] ** 2))), float(time[k]), one_sided
-    )
-
-
-def _common(one: xr.Dataset, other: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of the samples at the same time to a nanosecond, in both."""
-    a, b = (np.round(1e9 * data["time"].values).astype(np.int64) for data in (one, other))
-    _, mine, theirs = np.intersect1d(a, b, return_indices=True)
-    return mine, theirs
+def _measured(data: xr.Dataset) -> dict[str, Any]:
+    """Metrics by name, the torque of each joint by the joint's."""
+    found = measure(data).as_dict()
+    torques = zip(data["joint"].values, found.pop("max_torque_Nm"), strict=True)
+    return leaves(found) | {f"max_torque_Nm[{joint}]": torque for joint, torque in torques}
 
 
 def _fields(a: dict[str, Any], b: dict[str, Any]) -> tuple[Change, ...]:
     names = list(dict.fromkeys([*a, *b]))
     missing = "no such field"
-    rows = (Change(name, unit_of(name), a.get(name, missing), b.get(name, missing)) for name in names)
+    rows = (Change(name, field_unit(name), a.get(name, missing), b.get(name, missing)) for name in names)
     return tuple(row for row in rows if not row.same)
 
 

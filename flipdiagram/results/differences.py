@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
-from flipdiagram.results.signals import number, unit_of
+from flipdiagram.results.signals import Component, number, unit_of
 
 SKIPPED = {
     "schema", "versions", "scenario", "code", "recording", "real_time_factor", "solve_time_s", "seconds",
@@ -21,6 +23,11 @@ KEYS = (
     "kind",
 )  # fmt: skip
 """What tells the entries of a list apart."""
+
+FEW = 8
+"""Entries that a note names."""
+AXES = re.compile(r"\.([xy]\.values(\[\d+\])?|omega_rad_s|g_dis_rad_s)$")
+"""Leaves that say over what the numbers beside them stand."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +57,21 @@ class Change:
         if not (_is_number(self.a) and _is_number(self.b)):
             return "differs"
         text = f"{self.b - self.a:+.3g}"
-        return text + (f" ({100 * (self.b / self.a - 1):+.2g} %)" if self.a else "")
+        return text + (f" ({100 * (self.b / self.a - 1):+.3g} %)" if self.a else "")
+
+
+@dataclass(frozen=True)
+class SignalDifference:
+    """b − a of one component on the times that both have: largest with its time [s], and RMS, in `unit`."""
+
+    name: str
+    signal: str
+    unit: str
+    largest: float
+    rms: float
+    time: float
+    one_sided: int
+    """Samples at which one is nan and the other is not; they count in neither number."""
 
 
 def leaves(value: Any, name: str = "") -> dict[str, Any]:
@@ -67,22 +88,65 @@ def leaves(value: Any, name: str = "") -> dict[str, Any]:
     return {path: leaf for key, item in below.items() for path, leaf in leaves(item, key).items()}
 
 
+def comparable(
+    a: Mapping[str, Any], b: Mapping[str, Any], names: tuple[str, str]
+) -> tuple[dict[str, Any], dict[str, Any], list[str]]:
+    """The leaves of both without entries of lists that cannot be compared, and a note on each of those.
+
+    Left out is what only one of them has (a run, a map, a claim), and what stands over other axes.
+    """
+    notes = []
+    heads = [{_head(name): None for name in leaf} for leaf in (a, b)]
+    out: set[str] = set()
+    for name, mine, theirs in ((names[0], *heads), (names[1], *reversed(heads))):
+        alone = [head for head in mine if head not in theirs and head]
+        out |= set(alone)
+        if alone:
+            more = f", and {len(alone) - FEW} more" if len(alone) > FEW else ""
+            notes.append(f"Only in {name}: " + ", ".join(f"`{head}`" for head in alone[:FEW]) + more)
+    moved = {_head(n): None for n in [*a, *b] if AXES.search(n) and _head(n) not in out and a.get(n) != b.get(n)}
+    if any(moved):
+        notes.append("Over other axes, not compared: " + ", ".join(f"`{head}`" for head in moved if head))
+    out |= {head for head in moved if head}
+    one, other = ({name: value for name, value in leaf.items() if _head(name) not in out} for leaf in (a, b))
+    return one, other, notes
+
+
 def changes(a: Mapping[str, Any], b: Mapping[str, Any], all_of_them: bool = False) -> tuple[Change, ...]:
     """The leaves that differ, or all; of lists of numbers the place that differs most."""
     found = []
     for name in dict.fromkeys([*a, *b]):
         x, y = a.get(name), b.get(name)
-        unit = unit_of(name.split("[")[-2] if name.endswith("]") and "[" in name else name)
+        unit = unit_of(re.sub(r"(\[[^]]*\])+$", "", name)) if _is_number(x if x is not None else y) else ""
         if isinstance(x, Sequence) and isinstance(y, Sequence) and not isinstance(x, str) and not isinstance(y, str):
-            found.append(_of_lists(name, unit, list(x), list(y)))
+            found.append(_of_lists(name, unit_of(name), list(x), list(y)))
         else:
             found.append(Change(name, unit, x, y))
     return tuple(change for change in found if all_of_them or not change.same)
 
 
+def signal_difference(part: Component, x: np.ndarray, y: np.ndarray, time: np.ndarray) -> SignalDifference:
+    """How one component differs between samples x and y at the same times [s]."""
+    both = np.isfinite(x) & np.isfinite(y)
+    one_sided = int(np.sum(np.isnan(x) != np.isnan(y)))
+    if not both.any():
+        return SignalDifference(part.name, part.signal, part.unit, 0.0, 0.0, float("nan"), one_sided)
+    apart = np.abs(np.where(both, y, 0.0) - np.where(both, x, 0.0))
+    k = int(np.argmax(apart))
+    rms = float(np.sqrt(np.mean(apart[both] ** 2)))
+    return SignalDifference(part.name, part.signal, part.unit, float(apart[k]), rms, float(time[k]), one_sided)
+
+
+def common_samples(one: xr.Dataset, other: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the samples at the same time to a nanosecond, in both."""
+    a, b = (np.round(1e9 * data["time"].values).astype(np.int64) for data in (one, other))
+    _, mine, theirs = np.intersect1d(a, b, return_indices=True)
+    return mine, theirs
+
+
 def _of_lists(name: str, unit: str, x: list[Any], y: list[Any]) -> Change:
     if len(x) != len(y):
-        return Change(f"{name}: how many", "1", len(x), len(y))
+        return Change(f"{name}: how many", "", len(x), len(y))
     if not x or x == y:
         return Change(name, unit, number(x), number(y))
     one, other = (np.array([np.nan if v is None else v for v in values], dtype=float) for values in (x, y))
@@ -90,6 +154,11 @@ def _of_lists(name: str, unit: str, x: list[Any], y: list[Any]) -> Change:
     apart = np.where(gone, np.inf, np.nan_to_num(np.abs(one - other)))
     k = int(np.argmax(apart))
     return Change(f"{name}[{k}]", unit, x[k], y[k])
+
+
+def _head(name: str) -> str:
+    """The entry of a list that a leaf belongs to, 'runs[pd]'; '' where it belongs to none."""
+    return name[: name.index("]") + 1] if "]" in name else ""
 
 
 def _key(item: Any, index: int) -> str:

@@ -119,6 +119,9 @@ def _read_json(file: Path) -> Source:
         )
     if schema == PLAN_SCHEMA:
         return Source(file, "motion", PLAN_SCHEMA, plan=Plan.from_json(text, f"plan file '{file}'"))
+    for part in ("versions", "scenario"):
+        if not isinstance(content.get(part), dict):
+            raise _damaged(file, KeyError(part))
     return Source(file, match[1], str(schema), summary=content)
 
 

@@ -25,8 +25,10 @@ SYMBOLS = {
     "tau_dis": r"$τ_\mathrm{{dis,{0}}}$", "power": "power {0}", "energy": "work {0}",
     "tool_pose": "tool {0}", "block_pose": "block {0}", "sliding_angle": "sliding angle φ",
     "cone_use": "friction cone used", "centre_of_pressure": "centre of pressure", "normal_force": "normal force",
-    "slip": "slip", "lift_off": "lift-off",
+    "slip": "slip", "lift_off": "lift-off", "contact_force": "{0}",
 }  # fmt: skip
+BLOW = 4.0
+"""Multiple of the largest planned normal force from which the realised one is a blow."""
 MARGINS = (("cone_use", 1.0, "1"), ("centre_of_pressure", 1e3, "mm"), ("normal_force", 1.0, "N"), ("slip", 1e3, "mm"))
 
 
@@ -117,7 +119,11 @@ def plot_margins(data: xr.Dataset, axes: Sequence[Axes] | None) -> Sequence[Axes
     missing = [name for name, _, _ in MARGINS if name not in data]
     if missing:
         raise ScenarioError(f"the recording lacks {', '.join(missing)}; valid is a recording of this version")
-    panels, own = (list(axes), False) if axes is not None else (new_axes(4, (8.0, 5.0), columns=2), True)
+    panels, own = (
+        (list(np.ravel(np.array(axes, dtype=object))), False)
+        if axes is not None
+        else (new_axes(4, (8.0, 5.0), columns=2), True)
+    )
     check_count(panels, len(MARGINS))
     happened = events(data)
     lost = happened.get("release", happened.get("block lost", float(data.attrs["end_time_s"])))
@@ -125,13 +131,18 @@ def plot_margins(data: xr.Dataset, axes: Sequence[Axes] | None) -> Sequence[Axes
     shown = data.sel(time=slice(0.0, until))
     name = data.attrs["architecture"]
     for panel, (signal, factor, unit) in zip(panels, MARGINS, strict=True):
+        planned = np.full(shown.sizes["time"], np.nan)
         if f"{signal}_cmd" in data:
-            values = factor * shown[f"{signal}_cmd"].values
-            panel.plot(shown["time"], values, label="planned", **STYLES["command"].line())
+            # at the release itself the command brakes already
+            carried = shown["time"] < float(data.attrs["release_time_s"])
+            planned = factor * shown[f"{signal}_cmd"].where(carried).values
+            panel.plot(shown["time"], planned, label="planned", **STYLES["command"].line())
         # what comes after the release is another contact, not a margin
         realised = factor * shown[signal].where(shown["time"] <= lost).values
         panel.plot(shown["time"], realised, label=f"realised, {NAMES.get(name, name)}", **style_for(data).line())
         panel.set_ylabel(f"{SYMBOLS[signal]} [{unit}]")
+        if signal == "normal_force":
+            _leave_out_blows(panel, planned, realised)
     panels[0].axhline(1.0, **GUIDE, label="limit")
     panels[0].set_ylim(0.0, 1.1)
     length = (scenario_fields(data) or {}).get("object.length")
@@ -140,6 +151,16 @@ def plot_margins(data: xr.Dataset, axes: Sequence[Axes] | None) -> Sequence[Axes
             panels[1].axhline(edge, **GUIDE)
     finish(panels, own)
     return panels
+
+
+def _leave_out_blows(panel: Axes, planned: np.ndarray, realised: np.ndarray) -> None:
+    """Where a blow of the table dwarfs the planned forces, show those, and write how high the blow was."""
+    if not np.isfinite(planned).any() or not np.isfinite(realised).any():
+        return
+    usual, highest = float(np.nanmax(planned)), float(np.nanmax(realised))
+    if highest > BLOW * usual > 0:
+        panel.set_ylim(min(0.0, float(np.nanmin(planned))), 2 * usual)
+        panel.text(0.98, 0.96, f"up to {highest:.3g} N", transform=panel.transAxes, ha="right", va="top")
 
 
 def view(data: xr.Dataset, window: tuple[float, float] | None) -> xr.Dataset:
@@ -157,7 +178,7 @@ def view(data: xr.Dataset, window: tuple[float, float] | None) -> xr.Dataset:
 def panels_for(parts: Sequence[Component], ax: Axes | Sequence[Axes] | None) -> tuple[list[Axes], bool]:
     """The axes to draw into, one a component, and whether they are of a new Figure."""
     if ax is not None:
-        panels = list(ax) if isinstance(ax, Sequence | np.ndarray) else [ax]
+        panels = list(np.ravel(np.array(ax, dtype=object)))
         check_count(panels, len(parts))
         return panels, False
     count = len(parts)

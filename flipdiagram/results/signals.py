@@ -16,6 +16,7 @@ import xarray as xr
 from flipdiagram import scenario_io
 from flipdiagram.contact import Floats
 from flipdiagram.errors import ScenarioError
+from flipdiagram.scenario import Scenario
 
 NEEDED = ("x", "x_cmd", "v", "v_cmd", "a", "a_cmd", "q", "qd", "tau", "block_pose", "tool_pose", "contact_force")
 """What every recording holds; see `flipdiagram.recording`."""
@@ -85,6 +86,16 @@ def unit_of(name: str) -> str:
 def pretty(unit: str) -> str:
     """A unit as figures write it: m/s2 becomes m/s²."""
     return re.sub(r"(?<=[a-z])\^?2\b", "²", unit)
+
+
+def field_unit(path: str) -> str:
+    """Unit of a scenario field, from its description; '' where the field has none or is unknown."""
+    section, _, name = path.partition(".")
+    if section not in Scenario.model_fields:
+        return ""
+    field = scenario_io.section_of(Scenario, section).model_fields.get(name)
+    match = re.search(r"\[([^]]+)\]$", (field.description or "") if field else "")
+    return match[1] if match else ""
 
 
 def flat(nested: Mapping[str, Any]) -> dict[str, Any]:

@@ -12,7 +12,6 @@ import numpy as np
 import xarray as xr
 
 from flipdiagram.results.signals import unit_of
-from flipdiagram.studies.experiment import recording_name
 from flipdiagram.studies.recordings import load_recording
 
 Summary = Mapping[str, Any]
@@ -32,6 +31,8 @@ def turnover(summary: Summary, folder: Path) -> xr.Dataset:
 
 def experiment(summary: Summary, folder: Path) -> xr.Dataset:
     """The runs over (architecture, start_y, joint), and the claims E1–E8 over `claim`."""
+    from flipdiagram.studies.experiment import recording_name  # brings half of Drake, which no other study needs
+
     coords = {"architecture": list(summary["architectures"]), "start_y": list(summary["starts_y_m"])}
     runs = {(run["architecture"], run["start_y_m"]): _run(run) for run in summary["runs"]}
     files = (folder / recording_name(y, name) for name, y in runs)
