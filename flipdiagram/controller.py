@@ -22,7 +22,7 @@ from flipdiagram.blocks.feedforward import AccelerationFeedforward
 from flipdiagram.blocks.gravity import GravityCompensation
 from flipdiagram.blocks.inertia import NominalInertia
 from flipdiagram.blocks.inverse_jacobian import InverseJacobian
-from flipdiagram.blocks.mpc import CHANNELS, ModelPredictiveController
+from flipdiagram.blocks.mpc import CHANNELS
 from flipdiagram.blocks.observer import DisturbanceObserver
 from flipdiagram.blocks.pd import ProportionalDerivative
 from flipdiagram.blocks.tool_kinematics import ToolKinematics
@@ -80,7 +80,7 @@ def add_controller(
     arm: ArmModel,
     q_start: Floats,
     *,
-    mpc: ModelPredictiveController,
+    mpc: LeafSystem,
     q: OutputPort,
     qd: OutputPort,
     offset: float = 0.0,

@@ -12,8 +12,10 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSyst
 from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
 
 from flipdiagram.arm import ArmModel
+from flipdiagram.blocks.camera import Camera
 from flipdiagram.blocks.delay import Delay
 from flipdiagram.blocks.mpc import ModelPredictiveController
+from flipdiagram.blocks.receding_horizon import RecedingHorizonController, Timing
 from flipdiagram.blocks.sensors import Encoder, PseudoDerivative
 from flipdiagram.contact import Floats
 from flipdiagram.controller import ControllerBoxes, add_controller
@@ -22,9 +24,13 @@ from flipdiagram.parts import arm_of
 from flipdiagram.planning.limits import task_pose
 from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.planner import Planner
+from flipdiagram.planning.replanner import FEWEST, Replanner
 from flipdiagram.plants.cell import Cell, add_cell
 from flipdiagram.replacement import Box
 from flipdiagram.scenario import Scenario
+
+REPLANNING = ("solve_time", "iterations", "status", "cone_margin")
+"""Signals of an MPC that replans, beside the commands."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +41,7 @@ class Loop:
     scenario: Scenario
     architecture: str
     arm: ArmModel
-    mpc: ModelPredictiveController
+    mpc: ModelPredictiveController | RecedingHorizonController
     boxes: ControllerBoxes
     cell: Cell
     q_start: Floats
@@ -48,8 +54,9 @@ class Loop:
         plant, parts = self.cell.plant, self.cell.parts
         mine = plant.GetMyMutableContextFromRoot(context)
         plant.SetPositions(mine, parts.arm.arm, self.q_start)
-        task = self.scenario.task
-        centre = np.array([task.start_x, task.start_y, task.start_z])
+        task, unknown = self.scenario.task, self.scenario.disturbance
+        start_y = task.start_y + unknown.start_error + unknown.block_offset  # the blade is level there
+        centre = np.array([task.start_x, start_y, task.start_z])
         plant.SetFreeBodyPose(mine, parts.block, RigidTransform(centre))
         for name in ("delayed_q", "velocity"):
             if self.diagram.HasSubsystemNamed(name):
@@ -79,6 +86,10 @@ def build_loop(
     arm = arm_of(scenario)
     motion = Planner(scenario, arm)
     q_start = motion.q_start
+    if scenario.disturbance.start_error:
+        standing = task_pose(motion.horizons.start, scenario.task.start_x)
+        standing[0] += scenario.disturbance.start_error
+        q_start = arm.inverse_kinematics(standing, q_start)
     settings, n = scenario.controller, arm.n_joints
     # A plant with a finer step takes the torque of the sample before its own: sampling between two of its steps, after
     # the one that led to t and before the one that leaves it, adds no delay.
@@ -86,15 +97,14 @@ def build_loop(
     offset = settings.period - scenario.simulation.step / 2 if fine else 0.0
 
     builder = DiagramBuilder()
-    hold = task_pose(motion.horizons.start, scenario.task.start_x)
-    mpc = builder.AddNamedSystem(
-        "mpc", ModelPredictiveController(planner or motion.plan, hold, scenario.simulation.hold_time)
-    )
+    mpc = builder.AddNamedSystem("mpc", _mpc(scenario, arm, motion, planner or motion.plan))
     cell = add_cell(builder, scenario, arm)
     q, qd = _sensed(builder, scenario, cell, n, offset)
     boxes = add_controller(
         builder, scenario, architecture, arm, q_start, mpc=mpc, q=q, qd=qd, offset=offset, replace=replace
     )
+    if isinstance(mpc, RecedingHorizonController):
+        _close_horizon(builder, scenario, mpc, cell, boxes, q)
     tau = boxes.torque_limit.GetOutputPort("tau")
     if fine:
         held = builder.AddNamedSystem("hold", ZeroOrderHold(settings.period, n, offset))
@@ -112,6 +122,8 @@ def build_loop(
             "tau": tau,
             "contact_wrench": cell.contact_wrench,
         }
+        if isinstance(mpc, RecedingHorizonController):
+            signals |= {name: mpc.GetOutputPort(name) for name in REPLANNING}
         if boxes.disturbance_observer is not None:
             signals["tau_dis"] = boxes.disturbance_observer.GetOutputPort("tau_dis")
         for name, port in signals.items():
@@ -128,6 +140,50 @@ def build_loop(
         raise ScenarioError(f"replace: {', '.join(replace)} closes an algebraic loop: {text}") from None
     diagram.set_name(architecture)
     return Loop(diagram, scenario, architecture, arm, mpc, boxes, cell, q_start, logs)
+
+
+def _mpc(
+    scenario: Scenario, arm: ArmModel, motion: Planner, planner: Callable[[], Plan]
+) -> ModelPredictiveController | RecedingHorizonController:
+    """The MPC of the scenario: it plans once, or again and again."""
+    settings, start_time = scenario.planner, scenario.simulation.hold_time
+    hold = task_pose(motion.horizons.start, scenario.task.start_x)
+    hold[0] += scenario.disturbance.start_error
+    if settings.replan_period is None:
+        return ModelPredictiveController(planner, hold, start_time, stand=scenario.disturbance.start_error != 0)
+    replanner = Replanner(scenario, arm)
+    timing = Timing(
+        settings.replan_period, settings.compute_delay, settings.blend_time,
+        scenario.controller.period / 4, settings.replan_deadline,
+    )  # fmt: skip
+    measured = settings.replan_from == "measured"
+    return RecedingHorizonController(
+        planner, replanner.replan, hold, timing,
+        joints=arm.n_joints, start_time=start_time, measured=measured, fewest=FEWEST,
+    )  # fmt: skip
+
+
+def _close_horizon(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    mpc: RecedingHorizonController,
+    cell: Cell,
+    boxes: ControllerBoxes,
+    q: OutputPort,
+) -> None:
+    """What a replanning MPC measures: the tool, the joints and, where there is a camera, the object on the blade."""
+    for name in ("x", "v"):
+        builder.Connect(boxes.tool_kinematics.GetOutputPort(name), mpc.GetInputPort(name))
+    builder.Connect(q, mpc.GetInputPort("q"))
+    sensors = scenario.sensors
+    if sensors.camera_period is not None:
+        camera = Camera(
+            cell.parts.arm.tool, cell.parts.block, sensors.camera_period, sensors.camera_delay, sensors.camera_noise,
+            sensors.camera_seed, offset=scenario.controller.period / 2,
+        )  # fmt: skip
+        builder.AddNamedSystem("camera", camera)
+        builder.Connect(cell.plant.get_body_poses_output_port(), camera.get_input_port())
+        builder.Connect(camera.get_output_port(), mpc.GetInputPort("shift"))
 
 
 def _sensed(builder: DiagramBuilder, scenario: Scenario, cell: Cell, n: int, offset: float) -> list[OutputPort]:

@@ -49,7 +49,7 @@ def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
     thing, physics = scenario.object, scenario.simulation
     block = block_sdf(
         size=(thing.width, thing.length, thing.thickness),
-        mass=thing.mass,
+        mass=thing.mass * scenario.disturbance.object_mass_scale,
         friction=thing.friction,
         hydroelastic_modulus=physics.hydroelastic_modulus,
         hunt_crossley_dissipation=physics.dissipation,
@@ -57,7 +57,8 @@ def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
     block_body = _add_own_object(plant, scenario) if thing.file else _only_body(plant, block)
     (table_model,) = Parser(plant).AddModelsFromString(table_sdf(friction=scenario.table.friction), "sdf")
     table = plant.GetBodyByName("table", table_model)
-    top: Any = np.array([scenario.task.start_x, scenario.task.target_y, scenario.table.height])
+    height = scenario.table.height + scenario.disturbance.table_error
+    top: Any = np.array([scenario.task.start_x, scenario.task.target_y, height])
     plant.WeldFrames(plant.world_frame(), table.body_frame(), RigidTransform(top))
     _leave_out_collisions(plant, arm)
     return Parts(arm, block_body, table)

@@ -15,6 +15,8 @@ import xarray as xr
 from flipdiagram import contact
 from flipdiagram.arm import ArmModel
 from flipdiagram.contact import Floats
+from flipdiagram.files import versions
+from flipdiagram.planning.command import Command
 from flipdiagram.planning.plan import Plan
 from flipdiagram.plants.cell import CONTACT_PAIRS
 from flipdiagram.scenario import Scenario
@@ -22,7 +24,11 @@ from flipdiagram.scenario import Scenario
 AXIS = ["y", "z", "theta"]
 POSE = ["qw", "qx", "qy", "qz", "x", "y", "z"]
 
+REPLANNING = {"solve_time": "s", "iterations": "1", "status": "1", "cone_margin": "rad"}
+"""Signals of an MPC that replans, with their units; see `blocks.receding_horizon.Status` for the status."""
+
 Recording = xr.Dataset
+SCHEMA = "flipdiagram/recording/1"
 
 
 def assemble(
@@ -31,7 +37,7 @@ def assemble(
     scenario: Scenario,
     architecture: str,
     arm: ArmModel,
-    plan: Plan,
+    plan: Plan | Command,
 ) -> Recording:
     """Build the Dataset from logged signals, each (channels, samples): x_cmd, v_cmd, a_cmd, q, qd, tau, block_pose,
     contact_force and, where the architecture has it, tau_dis.
@@ -83,16 +89,21 @@ def assemble(
             "direction": ["x", "y", "z"],
         },
         attrs={
+            "schema": SCHEMA,
+            **{f"{name}_version": number for name, number in versions().items()},
             "architecture": architecture,
             "start_y_m": scenario.task.start_y,
             "release_time_s": plan.release_time,
             "touchdown_time_s": plan.touchdown_time,
-            "end_time_s": plan.duration,
-            "friction_angle_rad": plan.friction_angle,
+            "end_time_s": plan.end_time,
+            "friction_angle_rad": float(contact.friction_angle(scenario.object.friction)),
             "table_height_m": scenario.table.height,
             "scenario": scenario.to_yaml(),
         },
     )
+    for name, units in REPLANNING.items():
+        if name in signals:
+            data[name] = (("time",), signals[name][0].copy(), {"units": units})
     if "tau_dis" not in signals:
         data["tau_dis"].attrs["note"] = "this architecture has no disturbance observer"
     return data

@@ -87,6 +87,18 @@ class Planner(Section):
     )
     max_iterations: int = quantity(30, "1", "most re-linearisations per horizon", ge=1)
     angle_tolerance: float = quantity(1e-4, "rad", "θ has settled when no sample moves more than this", gt=0)
+    replan_period: float | None = quantity(
+        None, "s", "how often the rest of the motion is planned again; null: planned once, before it starts", gt=0
+    )
+    replan_from: Literal["measured", "commanded"] = Field(
+        "measured", description="state of the tool from which it is planned again"
+    )
+    replan_iterations: int = quantity(4, "1", "most linearisations per replanning", ge=1)
+    compute_delay: float = quantity(0.01, "s", "after which a new plan takes effect", ge=0)
+    replan_deadline: float | None = quantity(
+        None, "s", "a plan that took longer is dropped; null: none is (else results depend on the machine)", gt=0
+    )
+    blend_time: float = quantity(0.2, "s", "in which the command passes over to a new plan", gt=0)
     solver: Literal["clarabel", "osqp", "scs", "ipopt", "snopt", "mosek", "gurobi"] = Field(
         "clarabel", description="solver behind MathematicalProgram"
     )
@@ -132,6 +144,12 @@ class Sensors(Section):
     velocity_cutoff: float | None = quantity(
         None, "rad/s", "g_v of the pseudo-derivative g_v s/(s + g_v); null: exact velocity", gt=0
     )
+    camera_period: float | None = quantity(
+        None, "s", "how often a camera sees where the object lies on the blade; null: no camera", gt=0
+    )
+    camera_delay: float = quantity(0.02, "s", "age of what it reports", ge=0)
+    camera_noise: float = quantity(0.0005, "m", "standard deviation of what it reports", ge=0)
+    camera_seed: int = quantity(0, "1", "seed of that noise", ge=0)
     delay: int = quantity(0, "periods", "delay of q and qd, in periods of the controller", ge=0, le=1000)
 
 

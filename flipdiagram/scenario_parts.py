@@ -124,3 +124,10 @@ class Disturbance(Section):
     """What neither the planner nor the controller knows, beyond gravity and joint friction."""
 
     payload: float = quantity(0.0, "kg", "unknown mass at the flange (o)", ge=0)
+    push: tuple[float, float] = quantity((0.0, 0.0), "N", "force on the spatula along y and z (o)")
+    push_time: float = quantity(0.1, "s", "when it begins, after the start of the motion", ge=0)
+    push_duration: float = quantity(0.05, "s", "how long it lasts", gt=0)
+    object_mass_scale: float = quantity(1.0, "1", "the object's mass over the one that was planned for", gt=0)
+    start_error: float = quantity(0.0, "m", "arm and object stand this far off on y from the planned start")
+    block_offset: float = quantity(0.0, "m", "the object lies this far from the middle of the blade along s")
+    table_error: float = quantity(0.0, "m", "the table is this much higher than planned")

@@ -11,9 +11,11 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
+from flipdiagram.blocks.receding_horizon import RecedingHorizonController
 from flipdiagram.errors import SimulationError
 from flipdiagram.loop import Loop, build_loop
 from flipdiagram.margins import with_margins
+from flipdiagram.planning.command import Command
 from flipdiagram.planning.plan import Plan
 from flipdiagram.recording import Recording, assemble
 from flipdiagram.scenario import Scenario
@@ -66,7 +68,9 @@ def simulate(
         if pace is not None:
             pace(until)
     elapsed = time.perf_counter() - begin
-    return Run(_read(loop, context, plan), plan, end / elapsed)
+    mine = loop.mpc.GetMyContextFromRoot(context)
+    last = loop.mpc.last_command(mine) if isinstance(loop.mpc, RecedingHorizonController) else None
+    return Run(_read(loop, context, last or plan), plan, end / elapsed)
 
 
 def _advance(simulator: Simulator, until: float) -> None:
@@ -80,7 +84,7 @@ def _advance(simulator: Simulator, until: float) -> None:
         raise SimulationError(f"the simulation diverged before {until:.3f} s: the state is not finite")
 
 
-def _read(loop: Loop, context: Context, plan: Plan) -> Recording:
+def _read(loop: Loop, context: Context, plan: Plan | Command) -> Recording:
     logs = {name: sink.FindLog(context) for name, sink in loop.logs.items()}
     signals = {name: log.data() for name, log in logs.items()}
     state, plant, parts = signals.pop("state"), loop.cell.plant, loop.cell.parts

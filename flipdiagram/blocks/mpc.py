@@ -23,16 +23,18 @@ class ModelPredictiveController(LeafSystem):
     The plan is part of the Context's state.  The initialisation event of a run, which `Simulator.Initialize` triggers,
     calls `planner` (a MathematicalProgram, eqs. (2)–(5)) unless the state holds a plan already (`set_plan`).  Until
     `start_time` [s] the commands hold the start of the plan, or `hold` (6,) while there is none.  Outputs depend on
-    time and state, so nothing feeds through.
+    time and state, so nothing feeds through.  stand: hold `hold` until then even with a plan, where the tool stands
+    elsewhere than the plan begins.
 
     Raises PlanningError from the initialisation where there is no motion.
     """
 
-    def __init__(self, planner: Callable[[], Plan], hold: Floats, start_time: float = 0.0) -> None:
+    def __init__(self, planner: Callable[[], Plan], hold: Floats, start_time: float = 0.0, stand: bool = False) -> None:
         super().__init__()
         if not (math.isfinite(start_time) and start_time >= 0):
             raise ScenarioError(f"start_time = {start_time} s; it must be finite and >= 0")
         self._planner, self.start_time = planner, float(start_time)
+        self._stand = stand
         self._hold = np.array(hold, dtype=float)
         if self._hold.shape != (CHANNELS,):
             raise ScenarioError(f"hold has shape {self._hold.shape}; valid is ({CHANNELS},)")
@@ -67,7 +69,7 @@ class ModelPredictiveController(LeafSystem):
     def _calc_command(self, context: Context, value: Value) -> None:
         x, v, a = self._hold.copy(), np.zeros(CHANNELS), np.zeros(CHANNELS)
         plan = self.plan(context)
-        if plan is not None:
+        if plan is not None and not (self._stand and context.get_time() < self.start_time - 1e-9):
             x[:3], v[:3], a[:3] = plan.at(context.get_time() - self.start_time)
         value.set_value((x, v, a))
 

@@ -117,12 +117,17 @@ def workspace_rows(rows: Rows, layout: Layout, point: Trajectory, scenario: Scen
         rows.add(WORKSPACE, [(layout.x(k, component), -1.0)], np.full(k.size, -low))
 
 
-def clearance_rows(rows: Rows, layout: Layout, point: Trajectory, scenario: Scenario) -> None:
-    """Every corner of the blade, and of the block while it is carried, keeps its distance to the table."""
+def clearance_rows(
+    rows: Rows, layout: Layout, point: Trajectory, scenario: Scenario, shift: float = 0.0
+) -> None:
+    """Every corner of the blade, and of the block while it is carried, keeps its distance to the table.
+
+    shift: how far the block sits from the middle of the blade along s [m].
+    """
     geometry = Geometry.of(scenario)
     floor = scenario.table.height + scenario.planner.table_clearance
     h, width = geometry.half_thickness, geometry.half_blade
-    blade = [(sign * width, -h - t) for sign, t in product((1, -1), (0.0, geometry.blade_thickness))]
+    blade = [(sign * width - shift, -h - t) for sign, t in product((1, -1), (0.0, geometry.blade_thickness))]
     block = [(sign * geometry.half_length, h) for sign in (1, -1)]
     first = layout.release - point.n_contact + 1
     for corners, last in ((blade, layout.intervals), (block, layout.release)):

@@ -69,6 +69,7 @@ class Convexification:
         self.cost = LandingCost(settings.alpha, settings.beta, task.target_y)
         self.allowed = limits.Allowed.of(arm, scenario)
         self.start = np.array([task.start_y, task.start_z, 0.0, 0.0, 0.0, 0.0])
+        self.shift = 0.0
         self.program_times: list[float] = []
         self._program = self._build(())
         self._elastic: HorizonProgram | None = None
@@ -93,6 +94,24 @@ class Convexification:
             turned = [pose + [0.0, 0.0, angle, 0.0, 0.0, 0.0] for angle in TURN]
             self._q_start = self.arm.inverse_kinematics(pose, through=turned)
         return self._q_start
+
+    def restart(self, state: Floats, q_seed: Floats, shift: float = 0.0) -> None:
+        """Begin at another state x̂ (6,) of the object, in motion; q_seed (n,) [rad] are joint angles near it.
+
+        shift: how far the object sits from the middle of the blade along s [m].  Raises PlanningError where the arm
+        cannot be there.
+        """
+        self.start, self.shift = state, shift
+        tool = self._tool(state[None, :])[0]
+        self._q_start = self.arm.inverse_kinematics(limits.task_pose(tool, self.scenario.task.start_x), q_seed)
+
+    def _tool(self, states: Floats) -> Floats:
+        """States (..., 6) of the tool's control point under an object with these states; velocities as they are."""
+        if not self.shift:
+            return states
+        tool = states.copy()
+        tool[..., :2] -= self.shift * contact.tool_tangent(states[..., 2])
+        return tool
 
     def guess(self, n_contact: int, n_flight: int) -> Trajectory:
         """First linearisation that the arm can follow: the tool turns with constant angular acceleration, the object
@@ -128,7 +147,7 @@ class Convexification:
     def _follow(self, point: Trajectory) -> limits.JointMotion:
         moving = slice(self.layout.release - point.n_contact, None)
         return limits.joint_motion(
-            self.arm, point.states[moving], point.inputs[moving], self.scenario.task.start_x, self.q_start
+            self.arm, self._tool(point.states[moving]), point.inputs[moving], self.scenario.task.start_x, self.q_start
         )
 
     def rows(self, point: Trajectory) -> tuple[Rows, limits.JointMotion]:
@@ -136,7 +155,7 @@ class Convexification:
         rows, layout, scenario = Rows(), self.layout, self.scenario
         constraints.contact_rows(rows, layout, point, scenario)
         constraints.workspace_rows(rows, layout, point, scenario)
-        constraints.clearance_rows(rows, layout, point, scenario)
+        constraints.clearance_rows(rows, layout, point, scenario, self.shift)
         constraints.separation_rows(rows, layout, point, scenario)
         constraints.flight_rows(rows, layout, point, scenario)
         motion = self._follow(point)
@@ -152,16 +171,18 @@ class Convexification:
             self._elastic = self._build(GROUPS)
         program = self._elastic if elastic and self._elastic is not None else self._program
         landing = constraints.landing_row(self.layout, point, self.scenario)
-        program.update(self.start, point.n_contact, point.n_flight, landing, rows, point.states[:, :3], trust)
+        start, waiting = self.start.copy(), self.layout.release - point.n_contact
+        start[:3] -= waiting * point.sampling_time * start[3:]  # the waiting samples lead up to it at constant speed
+        program.update(start, point.n_contact, point.n_flight, landing, rows, point.states[:, :3], trust)
         solution = program.solve()
         self.program_times.append(solution.solve_time)
         return solution, motion
 
-    def settle(self, point: Trajectory, tolerance: float, iterations: int) -> Outcome:
+    def settle(self, point: Trajectory, tolerance: float, iterations: int, rescue: bool = True) -> Outcome:
         """Re-linearise and re-solve until no θ moves more than the tolerance [rad].
 
-        Where the plain program has no solution the elastic one leads on.  Raises PlanningError where the arm loses
-        the path, or the solver gives up.
+        Where the plain program has no solution the elastic one leads on, unless `rescue` is off.  Raises PlanningError
+        where the arm loses the path, or the solver gives up.
         """
         trust, last_step, last_change, elastic = FIRST_TRUST, np.zeros(1), np.inf, False
         outcome: Outcome | None = None
@@ -169,6 +190,8 @@ class Convexification:
             try:
                 solution, motion = self.solve(point, trust, elastic)
             except PlanningError as error:
+                if not rescue:
+                    raise
                 trust /= 2
                 if outcome is None:
                     point = self.guess(point.n_contact, point.n_flight)
@@ -181,6 +204,8 @@ class Convexification:
                     raise PlanningError(f"reachability cannot be met: {error}") from None
                 continue
             if not solution.success:
+                if not rescue:
+                    raise PlanningError(f"the program has no solution: {solution.status}")
                 if elastic:
                     raise PlanningError(f"the solver gave up on the elastic program: {solution.status}")
                 elastic = True

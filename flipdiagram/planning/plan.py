@@ -75,6 +75,11 @@ class Plan:
         return (self.n_contact + self.n_brake) * self.sampling_time
 
     @property
+    def end_time(self) -> float:
+        """The same, by the name that a `Command` has for it."""
+        return self.duration
+
+    @property
     def release(self) -> Floats:
         """x̂ at the release, shape (6,)."""
         return self.states[self.n_contact]

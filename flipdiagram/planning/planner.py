@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from flipdiagram import contact
 from flipdiagram.arm import ArmModel
 from flipdiagram.contact import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.parts import arm_of
 from flipdiagram.planning import constraints, limits
 from flipdiagram.planning.convexification import Convexification, Outcome
+from flipdiagram.planning.finish import moving, plan_of
 from flipdiagram.planning.plan import Plan
 from flipdiagram.scenario import Scenario
 
@@ -56,7 +56,7 @@ class Planner:
             uses = self._limit_use(best)
             kind = max(uses, key=lambda kind: float(uses[kind].max()))
             if uses[kind].max() <= 1:
-                return self._finish(best, {kind: float(use.max()) for kind, use in uses.items()}, begin)
+                return plan_of(best, self.horizons, {kind: float(use.max()) for kind, use in uses.items()}, begin)
             self.horizons.allowed = self.horizons.allowed.tightened(uses)
         use, joint = uses[kind].max(), self.arm.joint_names[uses[kind].argmax()]
         raise PlanningError(f"{kind} cannot be met: joint {joint} would need {use:.2f} x its limit between samples")
@@ -137,37 +137,9 @@ class Planner:
             text += f" while {at_limit}" if at_limit else ""
         return text + (f"; also short: {others}" if others else "")
 
-    def _moving(self, outcome: Outcome) -> tuple[Floats, Floats]:
-        """States and inputs without the waiting samples."""
-        first = self.horizons.layout.release - outcome.point.n_contact
-        return outcome.point.states[first:], outcome.point.inputs[first:]
-
-    def _finish(self, outcome: Outcome, limit_use: dict[str, float], begin: float) -> Plan:
-        point, scenario = outcome.point, self.scenario
-        states, inputs = self._moving(outcome)
-        k = np.arange(point.n_contact)
-        phi = [contact.sliding_angle(inputs[k, :2], states[at, 2]) for at in (k, k + 1)]
-        return Plan(
-            sampling_time=point.sampling_time,
-            n_contact=point.n_contact,
-            n_flight=point.n_flight,
-            n_brake=self.horizons.layout.n_brake,
-            states=states,
-            inputs=inputs,
-            cost=outcome.cost,
-            residual=outcome.solution.residual,
-            max_sliding_angle=float(np.max(np.abs(phi))),
-            friction_angle=float(contact.friction_angle(scenario.object.friction)),
-            limit_use=limit_use,
-            solver=scenario.planner.solver,
-            iterations=len(self.horizons.program_times),
-            solve_time=time.perf_counter() - begin,
-            program_times=tuple(self.horizons.program_times),
-        )
-
     def _limit_use(self, outcome: Outcome) -> dict[str, Floats]:
         """`limits.limit_use` of the motion on a grid finer than ΔT."""
-        states, inputs = self._moving(outcome)
+        states, inputs = moving(outcome, self.horizons)
         tau = np.arange(CHECKS_PER_SAMPLE)[:, None] * (outcome.point.sampling_time / CHECKS_PER_SAMPLE)
         moves = states[:-1, None, :].repeat(CHECKS_PER_SAMPLE, axis=1)
         held = inputs[:, None, :].repeat(CHECKS_PER_SAMPLE, axis=1)

@@ -17,6 +17,7 @@ from flipdiagram.blocks.friction import JointFriction, stable_transition_velocit
 from flipdiagram.contact import Floats
 from flipdiagram.errors import ScenarioError
 from flipdiagram.parts import Parts, add_parts
+from flipdiagram.plants.push import Push
 from flipdiagram.scenario import Scenario
 
 
@@ -109,6 +110,9 @@ def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel) -> Cell
     builder.Connect(friction.get_output_port(), torque.get_input_port(1))
     builder.Connect(torque.get_output_port(), plant.get_actuation_input_port(parts.arm.arm))
     builder.Connect(plant.get_contact_results_output_port(), contact.get_input_port())
+    if any(scenario.disturbance.push):
+        push = builder.AddNamedSystem("push", push_on_tool(scenario, parts))
+        builder.Connect(push.get_output_port(), plant.get_applied_spatial_force_input_port())
     return Cell(
         plant,
         scene_graph,
@@ -118,6 +122,14 @@ def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel) -> Cell
         qd=state.get_output_port(1),
         contact_wrench=contact.get_output_port(),
     )
+
+
+def push_on_tool(scenario: Scenario, parts: Parts) -> Push:
+    """The push of the scenario, at the centre of the blade's top surface."""
+    unknown = scenario.disturbance
+    begin = scenario.simulation.hold_time + unknown.push_time
+    point = parts.arm.tool.GetFixedPoseInBodyFrame().translation()
+    return Push(parts.arm.spatula_body, point, unknown.push, begin, unknown.push_duration)
 
 
 def joint_friction(scenario: Scenario, arm: ArmModel) -> LeafSystem:

@@ -1,0 +1,231 @@
+"""The box MPC in the full sense: it plans the rest of the motion again while the block is on the spatula."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State, ValueProducer
+
+from flipdiagram.blocks.mpc import CHANNELS
+from flipdiagram.contact import Floats
+from flipdiagram.errors import PlanningError, ScenarioError
+from flipdiagram.planning.command import Command, of_object
+from flipdiagram.planning.plan import Plan
+
+SAME_PLACE = 1e-9
+"""Distance [m, rad] below which the tool stands where the plan begins."""
+
+
+class Status(IntEnum):
+    """What became of the last attempt, output `status`."""
+
+    NONE = 0
+    PLANNED = 1
+    REPLANNED = 2
+    FAILED = 3
+    LATE = 4
+    OVER = 5
+    """Too little of the contact phase is left to plan again."""
+
+
+@dataclass(frozen=True)
+class Horizon:
+    """The state: the command in force, the one that takes over, and how the last attempt went.
+
+    solve_time [s]; iterations: programs solved; margin: least distance to the friction angle in the plan [rad].
+    """
+
+    command: Command | None = None
+    following: Command | None = None
+    status: Status = Status.NONE
+    solve_time: float = math.nan
+    iterations: int = 0
+    margin: float = math.nan
+
+    def at(self, t: float) -> Command | None:
+        """The command in force at t [s] since the start of the motion."""
+        if self.following is not None and t >= self.following.begins - 1e-9:
+            return self.following
+        return self.command
+
+
+Replan = Callable[[Floats, Plan, float, Floats, float], Plan]
+"""(state x̂ (6,), plan, elapsed [s], q (n,), shift [m]) -> the rest of the plan; `planning.Replanner.replan`."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """When the box plans again, all [s]: every `period`, in force one `delay` later, led over to in `blend`.
+
+    deadline: a plan that took longer to compute is dropped; None: none is.  early: how long before the sample the
+    event runs, so that it falls between two samples of the controller whatever the rounding.
+    """
+
+    period: float
+    delay: float
+    blend: float
+    early: float
+    deadline: float | None = None
+
+    def __post_init__(self) -> None:
+        if not (self.period > 0 and self.delay >= 0 and self.blend > 0 and self.early > 0):
+            raise ScenarioError(f"{self} is not valid; valid are period, blend and early above 0, delay at least 0")
+
+
+class RecedingHorizonController(LeafSystem):
+    """The MPC that replans: outputs x_cmd, v_cmd, a_cmd (6,), solve_time [s], iterations, status, cone_margin [rad].
+
+    Inputs: x, v (6,) of the tool and q (n,), read at the events only, so nothing feeds through; optional `shift` (1,)
+    [m], where the object sits on the blade along s.  `planner` plans once when the run starts, as in
+    `ModelPredictiveController`; from `start_time` on, every `timing.period`, `again` plans the rest of the motion from
+    the measured tool (or, measured=False, from the command) as it will be when the new plan takes effect.  When that
+    fails or is late the last plan goes on.  The whole behaviour is in the Context's state.
+    """
+
+    def __init__(
+        self,
+        planner: Callable[[], Plan],
+        again: Replan,
+        hold: Floats,
+        timing: Timing,
+        *,
+        joints: int,
+        start_time: float = 0.0,
+        measured: bool = True,
+        fewest: int = 1,
+    ) -> None:
+        super().__init__()
+        if not (math.isfinite(start_time) and start_time >= 0):
+            raise ScenarioError(f"start_time = {start_time} s; it must be finite and >= 0")
+        self._planner, self._again, self.timing = planner, again, timing
+        self.start_time, self._measured, self._fewest = float(start_time), measured, fewest
+        self._hold = np.array(hold, dtype=float)
+        self._x = self.DeclareVectorInputPort("x", CHANNELS)
+        self._v = self.DeclareVectorInputPort("v", CHANNELS)
+        self._q = self.DeclareVectorInputPort("q", joints)
+        self._shift = self.DeclareVectorInputPort("shift", 1)
+        self._state = self.DeclareAbstractState(Value[object](Horizon()))
+        self.DeclareInitializationUnrestrictedUpdateEvent(self._plan_once)
+        first = self.start_time - timing.early
+        while first < 0:
+            first += timing.period
+        self.DeclarePeriodicUnrestrictedUpdateEvent(timing.period, first, self._plan_again)
+        self._command = self.DeclareCacheEntry(
+            "command",
+            ValueProducer(allocate=lambda: Value[object](), calc=self._calc_command),
+            {self.time_ticket(), self.abstract_state_ticket(self._state)},
+        )
+        ticket = {self.cache_entry_ticket(self._command.cache_index())}
+        for i, name in enumerate(("x_cmd", "v_cmd", "a_cmd")):
+            self.DeclareVectorOutputPort(name, CHANNELS, self._writer(i), ticket)
+        state = {self.abstract_state_ticket(self._state)}
+        numbers: dict[str, Callable[[Horizon], float]] = {
+            "solve_time": lambda horizon: horizon.solve_time,
+            "iterations": lambda horizon: float(horizon.iterations),
+            "status": lambda horizon: float(horizon.status),
+            "cone_margin": lambda horizon: horizon.margin,
+        }
+        for name, read in numbers.items():
+            self.DeclareVectorOutputPort(name, 1, self._number(read), state)
+
+    def horizon(self, context: Context) -> Horizon:
+        """The state in this system's Context."""
+        value: Any = context.get_abstract_state(int(self._state)).get_value()
+        return value if isinstance(value, Horizon) else Horizon()
+
+    def plan(self, context: Context) -> Plan | None:
+        """The plan in force in this system's Context, None before the run has started."""
+        command = self.last_command(context)
+        return None if command is None else command.plan
+
+    def last_command(self, context: Context) -> Command | None:
+        """The newest command in this system's Context."""
+        horizon = self.horizon(context)
+        return horizon.following or horizon.command
+
+    def set_plan(self, context: Context, plan: Plan) -> None:
+        """Put a plan into this system's Context; the run then starts with it instead of solving."""
+        context.get_mutable_abstract_state(int(self._state)).set_value(self._begun(plan))
+
+    def _plan_once(self, context: Context, state: State) -> EventStatus:
+        if self.horizon(context).command is None:
+            state.get_mutable_abstract_state(int(self._state)).set_value(self._begun(self._planner()))
+        return EventStatus.Succeeded()
+
+    def _begun(self, plan: Plan) -> Horizon:
+        """The first command, led over from where the tool is held."""
+        still = np.tile([*self._hold[:3], 0.0, 0.0, 0.0], (len(plan.states), 1))
+        standing = Command(replace(plan, states=still, inputs=np.zeros_like(plan.inputs)))
+        command = Command(plan)
+        apart = float(np.abs(self._hold[:3] - plan.states[0, :3]).max())
+        if apart > SAME_PLACE:
+            command = command.led_over_from(standing, self.timing.blend)
+        margin = plan.friction_angle - plan.max_sliding_angle
+        return Horizon(command, None, Status.PLANNED, plan.solve_time, plan.iterations, margin)
+
+    def _plan_again(self, context: Context, state: State) -> EventStatus:
+        horizon, now = self.horizon(context), context.get_time() + self.timing.early - self.start_time
+        command = horizon.at(now)
+        if now < -1e-9 or command is None:
+            return EventStatus.DidNothing()
+        begins = now + self.timing.delay
+        shift = self._shift.Eval(context)[0] if self._shift.HasValue(context) else command.shift
+        left = command.plan.release_time - (begins - command.begins)
+        if left < self._fewest * command.plan.sampling_time - 1e-9:
+            result = replace(horizon, status=Status.OVER)
+        else:
+            result = self._attempt(context, horizon, command, now, begins, float(shift))
+        state.get_mutable_abstract_state(int(self._state)).set_value(result)
+        return EventStatus.Succeeded()
+
+    def _attempt(
+        self, context: Context, horizon: Horizon, command: Command, now: float, begins: float, shift: float
+    ) -> Horizon:
+        kept = replace(horizon, command=command, following=None)
+        x, v, _ = (np.array(values) for values in command.at(begins))
+        if self._measured:
+            x_now, v_now, _ = (np.array(values) for values in command.at(now))
+            # what the tool is off by now it will still be off by when the new plan takes effect
+            x += self._x.Eval(context)[:3] - x_now
+            v += self._v.Eval(context)[:3] - v_now
+        try:
+            q, elapsed = self._q.Eval(context), begins - command.begins
+            plan = self._again(of_object(x, v, shift), command.plan, elapsed, q, shift)
+        except PlanningError:
+            return replace(kept, status=Status.FAILED)
+        found = replace(
+            kept, solve_time=plan.solve_time, iterations=plan.iterations,
+            margin=plan.friction_angle - plan.max_sliding_angle,
+        )  # fmt: skip
+        if self.timing.deadline is not None and plan.solve_time > self.timing.deadline:
+            return replace(found, status=Status.LATE)
+        following = Command(plan, begins, shift=shift).led_over_from(command, self.timing.blend)
+        return replace(found, following=following, status=Status.REPLANNED)
+
+    def _calc_command(self, context: Context, value: Value) -> None:
+        x, v, a = self._hold.copy(), np.zeros(CHANNELS), np.zeros(CHANNELS)
+        now = context.get_time() - self.start_time
+        command = self.horizon(context).at(now)
+        # until the motion starts the tool stays where it stands, which need not be where the plan begins
+        if command is not None and now >= -1e-9:
+            x[:3], v[:3], a[:3] = command.at(now)
+        value.set_value((x, v, a))
+
+    def _writer(self, index: int) -> Callable[[Context, BasicVector], None]:
+        def write(context: Context, output: BasicVector) -> None:
+            output.set_value(self._command.Eval(context)[index])
+
+        return write
+
+    def _number(self, read: Callable[[Horizon], float]) -> Callable[[Context, BasicVector], None]:
+        def write(context: Context, output: BasicVector) -> None:
+            output[0] = read(self.horizon(context))
+
+        return write
+

@@ -1,0 +1,92 @@
+"""Planning the rest of a motion again, on the real program."""
+
+import numpy as np
+import pytest
+
+from flipdiagram import contact
+from flipdiagram.errors import PlanningError
+from flipdiagram.parts import arm_of
+from flipdiagram.planning import plan_motion
+from flipdiagram.planning.replanner import Replanner
+from flipdiagram.scenario import Scenario
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return Scenario()
+
+
+@pytest.fixture(scope="module")
+def plan(scenario):
+    return plan_motion(scenario)
+
+
+@pytest.fixture(scope="module")
+def arm(scenario):
+    return arm_of(scenario)
+
+
+@pytest.fixture(scope="module")
+def replanner(scenario, arm):
+    return Replanner(scenario, arm)
+
+
+def state_at(plan, t):
+    return np.hstack(plan.sample(t)[:2])
+
+
+def joints(scenario, arm, state):
+    return arm.inverse_kinematics([*state[:3], scenario.task.start_x, 0, 0])
+
+
+@pytest.mark.parametrize("elapsed", [0.0, 0.1, 0.2, 0.34])
+def test_an_undisturbed_motion_is_planned_again_as_it_was(scenario, arm, replanner, plan, elapsed):
+    """What is optimal stays optimal for the rest (Bellman), but for the smoothing, which counts the rest as a start."""
+    state = state_at(plan, elapsed)
+    again = replanner.replan(state, plan, elapsed, joints(scenario, arm, state))
+    np.testing.assert_allclose(again.states[0], state, atol=1e-6)
+    assert again.release_time == pytest.approx(plan.release_time - elapsed)
+    assert again.cost == pytest.approx(plan.cost, rel=0.03)
+    t = np.linspace(0, again.duration, 200)
+    assert np.abs(again.sample(t)[0] - plan.sample(t + elapsed)[0]).max() < 0.02
+
+
+def test_a_disturbed_motion_starts_where_it_is_and_keeps_every_constraint(scenario, arm, replanner, plan):
+    rng = np.random.default_rng(3)
+    mu = scenario.object.friction * (1 - scenario.planner.friction_margin)
+    for elapsed in (0.05, 0.15, 0.25):
+        state = state_at(plan, elapsed) + rng.normal(size=6) * [0.005, 0.005, 0.02, 0.03, 0.03, 0.1]
+        again = replanner.replan(state, plan, elapsed, joints(scenario, arm, state))
+        np.testing.assert_allclose(again.states[0], state, atol=1e-6)
+        k = np.arange(again.n_contact)
+        for at in (k, k + 1):
+            tangential, normal = contact.contact_force(again.inputs[k, :2], again.states[at, 2])
+            assert np.all(np.abs(tangential) <= mu * normal * 1.02 + 0.05)
+            assert normal.min() > scenario.planner.minimum_normal - 0.1
+        assert again.release[2] >= np.pi / 2 + scenario.planner.release_angle - 1e-6
+        np.testing.assert_allclose(np.diff(again.states[:, 3:], axis=0), again.inputs * 0.02, atol=1e-9)
+
+
+def test_an_impossible_state_is_refused(scenario, arm, replanner, plan):
+    state = state_at(plan, 0.3)
+    q = joints(scenario, arm, state)
+    with pytest.raises(PlanningError):
+        replanner.replan(state + [0, 0, 0, 0, -6.0, 0], plan, 0.3, q)
+
+
+def test_too_late_is_refused(scenario, arm, replanner, plan):
+    state = state_at(plan, plan.release_time - 0.04)
+    with pytest.raises(PlanningError, match="2 contact samples are left; valid are at least 3"):
+        replanner.replan(state, plan, plan.release_time - 0.04, joints(scenario, arm, state))
+
+
+def test_an_object_off_centre_lets_the_blade_keep_its_distance(scenario, arm, replanner, plan):
+    """The blade's corners, 1 cm nearer on one side, stay above the table by the clearance."""
+    shift, state = 0.01, state_at(plan, 0.1)
+    again = replanner.replan(state, plan, 0.1, joints(scenario, arm, state), shift)
+    theta = again.states[1:, 2]
+    half, h, thick = scenario.tool.blade_width / 2, scenario.object.thickness / 2, scenario.tool.blade_thickness
+    floor = scenario.table.height + scenario.planner.table_clearance
+    for s in (half - shift, -half - shift):
+        lowest = again.states[1:, 1] + s * np.sin(theta) - (h + thick) * np.cos(theta)
+        assert lowest.min() > floor - 2e-4
