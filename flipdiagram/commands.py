@@ -148,6 +148,43 @@ def borders(arguments: argparse.Namespace, scenario: Scenario) -> None:
         print(f"written to {out}")
 
 
+def replanning(arguments: argparse.Namespace, scenario: Scenario) -> None:
+    """What planning again buys."""
+    out = check_output_directory(arguments.out)
+
+    from flipdiagram.replanning_tables import replanning_grid
+    from flipdiagram.studies import replanning
+
+    with status(arguments.quiet) as progress:
+        result = replanning.run(scenario, out, quick=arguments.quick, jobs=arguments.jobs, progress=progress)
+    if not arguments.quiet:
+        _show(replanning_grid(result.summary()))
+        print(f"written to {out}")
+
+
+def place(arguments: argparse.Namespace, scenario: Scenario) -> None:
+    """Lay the object down."""
+    out = check_output_directory(arguments.out)
+
+    from flipdiagram.place_figures import write_figures
+    from flipdiagram.place_tables import place_grid
+    from flipdiagram.replay import write_replay
+    from flipdiagram.studies import place
+
+    with status(arguments.quiet) as progress:
+        result = place.run(
+            scenario, out, list(dict.fromkeys(arguments.architecture)), jobs=arguments.jobs, progress=progress
+        )
+        progress("drawing figures")
+        write_figures(result)
+        if not arguments.no_replay:
+            verdicts = {p.architecture: (p.success, p.failure or "laid down") for p in result.placements}
+            write_replay(result.recordings(), scenario, out / "replay.html", verdicts)
+    if not arguments.quiet:
+        _show(place_grid(result.summary()))
+        print(f"written to {out}")
+
+
 def report(arguments: argparse.Namespace, scenario: Scenario) -> None:
     """Every claim, measured, in one page."""
     out = check_output_directory(arguments.out)

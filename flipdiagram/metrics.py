@@ -50,6 +50,7 @@ class FlipMetrics:
     release_time_s: float
     release_angle_rad: float
     contact_after_release_s: float
+    landing_cost_J: float
     velocity_delay_s: float
     endpoint_vibration_m_s: float
 
@@ -72,6 +73,23 @@ def touchdown(data: Recording) -> Touchdown | None:
     k = int(np.argmax(landed))
     pose = data["block_pose"].values
     return Touchdown(float(time[k]), float(pose[k, 5]), float(pose[k, 6]), float(roll(pose)[k]))
+
+
+def landing_cost(data: Recording) -> float:
+    """J of eq. (5) that the block really landed with: (θ − π)² + α (y − y_target)² + β (v_y² + v_z²).
+
+    From the last sample before touch-down, the velocity a difference over it; nan where it never lands.
+    """
+    landed, time = touchdown(data), data["time"].values
+    if landed is None:
+        return float("nan")
+    k = max(int(np.searchsorted(time, landed.time_s)) - 1, 1)
+    pose = data["block_pose"].values
+    velocity = (pose[k, 5:] - pose[k - 1, 5:]) / float(time[1] - time[0])
+    attrs = data.attrs
+    away = landed.y_m - attrs.get("target_y_m", 0.0)
+    cost = (landed.theta_rad - np.pi) ** 2 + attrs.get("alpha_1_m2", 20.0) * away**2
+    return float(cost + attrs.get("beta_s2_m2", 0.5) * np.sum(velocity**2))
 
 
 def release_index(data: Recording) -> int:
@@ -186,6 +204,7 @@ def measure(data: Recording) -> FlipMetrics:
         release_time_s=float(data["time"].values[k]),
         release_angle_rad=float(data["x"].values[k, 2]),
         contact_after_release_s=contact_after_release(data),
+        landing_cost_J=landing_cost(data),
         velocity_delay_s=velocity_delay(data),
         endpoint_vibration_m_s=endpoint_vibration(data),
     )

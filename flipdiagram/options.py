@@ -9,7 +9,10 @@ from typing import Any, NoReturn
 
 from flipdiagram.errors import ScenarioError
 
-COMMANDS = ("plan", "flip", "frequency", "experiment", "borders", "report", "diagram", "info", "scenario", "completion")
+COMMANDS = (
+    "plan", "flip", "frequency", "experiment", "borders", "replanning", "place", "report", "diagram", "info",
+    "scenario", "completion",
+)  # fmt: skip
 FORMATS = ("dot", "svg", "png", "mermaid")
 SHORT = {"--start-y": "task.start_y"}
 EPILOG = (
@@ -71,6 +74,15 @@ def parser() -> argparse.ArgumentParser:
     borders.add_argument("--resolution", type=_positive, metavar="N", help="points per axis (5 or 6)")
     borders.add_argument("--quick", action="store_true", help="two maps of two points per axis")
     _jobs_option(borders)
+
+    replanning = add("replanning", "Fly disturbed flips planned once, and again and again.", "out/replanning")
+    replanning.add_argument("--quick", action="store_true", help="two disturbances only")
+    _jobs_option(replanning)
+
+    place = add("place", "Lay the object down: it slides off the tilted spatula.", "out/place")
+    _architectures_option(place)
+    place.add_argument("--no-replay", action="store_true", help="no replay.html")
+    _jobs_option(place)
 
     report = add("report", "Run or reuse all studies; every claim measured, on one page.", "out/report")
     report.add_argument("--quick", action="store_true", help="under two minutes: coarse, two starts, few maps")

@@ -98,6 +98,9 @@ def assemble(
             "end_time_s": plan.end_time,
             "friction_angle_rad": float(contact.friction_angle(scenario.object.friction)),
             "table_height_m": scenario.table.height,
+            "target_y_m": scenario.task.target_y,
+            "alpha_1_m2": scenario.planner.alpha,
+            "beta_s2_m2": scenario.planner.beta,
             "scenario": scenario.to_yaml(),
         },
     )

@@ -42,15 +42,24 @@ POLICY = (
 )
 
 
-def write_replay(recordings: Mapping[str, xr.Dataset], scenario: Scenario, path: str | Path) -> Path:
+Verdicts = Mapping[str, tuple[bool, str]]
+
+
+def write_replay(
+    recordings: Mapping[str, xr.Dataset], scenario: Scenario, path: str | Path, verdicts: Verdicts | None = None
+) -> Path:
     """Write the replay of the recordings (architecture -> recording) to `path`; returns it.
+
+    verdicts: (success, text) by architecture, where it is not the flip that is judged.
 
     Raises ScenarioError where the file cannot be written, SimulationError where Meshcat finds no free port.
     """
-    return write_atomically(path, replay_html(recordings, scenario))
+    return write_atomically(path, replay_html(recordings, scenario, verdicts))
 
 
-def replay_html(recordings: Mapping[str, xr.Dataset], scenario: Scenario) -> str:
+def replay_html(
+    recordings: Mapping[str, xr.Dataset], scenario: Scenario, verdicts: Verdicts | None = None
+) -> str:
     """The replay as the text of one HTML page."""
     for name in recordings:
         style_of(name)
@@ -73,7 +82,7 @@ def replay_html(recordings: Mapping[str, xr.Dataset], scenario: Scenario) -> str
         _add_paths(meshcat, scenario, root, name, shown[name])
         _animate_bodies(meshcat, animation, scene, root, frames[name], last)
         _animate_force(meshcat, animation, root, frames[name], last)
-        cells.append(_describe(name, shown[name], scenario, offset))
+        cells.append(_describe(name, shown[name], scenario, offset, (verdicts or {}).get(name)))
     meshcat.SetAnimation(animation)
     return _with_overlay(meshcat.StaticHtml(), cells, scenario)
 
@@ -85,15 +94,19 @@ def _frames(recording: xr.Dataset) -> xr.Dataset:
     return recording.isel(time=slice(None, None, stride))
 
 
-def _describe(name: str, recording: xr.Dataset, scenario: Scenario, offset: float) -> dict[str, Any]:
+def _describe(
+    name: str, recording: xr.Dataset, scenario: Scenario, offset: float, verdict: tuple[bool, str] | None
+) -> dict[str, Any]:
     """What the overlay says of a cell at y = offset [m], and where."""
-    success, failure = metrics.judge(recording)
+    if verdict is None:
+        success, failure = metrics.judge(recording)
+        verdict = (success, failure or "turned over")
     attrs = recording.attrs
     return {
         "name": NAMES[name],
         "color": style_of(name).color,
-        "verdict": failure or "turned over",
-        "success": success,
+        "verdict": verdict[1],
+        "success": verdict[0],
         "lost_s": dropped_at(recording),
         "anchor": [scenario.task.start_x, offset, 0.76],
         "target": [scenario.task.start_x, offset, 0.41],

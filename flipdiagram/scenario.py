@@ -23,6 +23,7 @@ from flipdiagram.errors import ScenarioError
 from flipdiagram.scenario_io import Section, invalid, quantity
 from flipdiagram.scenario_one_dof import Frequency, OneDof, check_nyquist
 from flipdiagram.scenario_parts import JOINTS, Arm, Disturbance, JointFriction, Object, Table, Tool
+from flipdiagram.scenario_place import Place
 
 FILES = ("arm.file", "tool.file", "object.file")
 """Fields that name a model file."""
@@ -184,6 +185,7 @@ class Scenario(Section):
     controller: Controller = Controller()
     sensors: Sensors = Sensors()
     simulation: Simulation = Simulation()
+    place: Place = Place()
     one_dof: OneDof = OneDof()
     frequency: Frequency = Frequency()
 

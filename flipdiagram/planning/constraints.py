@@ -89,10 +89,15 @@ def _scaled(terms: Terms, factor: float) -> Terms:
 
 def contact_rows(rows: Rows, layout: Layout, point: Trajectory, scenario: Scenario) -> None:
     """Cone (7), normal force and centre of pressure in every interval of the contact phase, and the release angle."""
+    stick_rows(rows, layout, point, scenario, np.arange(layout.release - point.n_contact, layout.release))
+    rows.add(RELEASE, [(layout.x(layout.release, 2), -1.0)], [-(np.pi / 2 + scenario.planner.release_angle)])
+
+
+def stick_rows(rows: Rows, layout: Layout, point: Trajectory, scenario: Scenario, k: Indices) -> None:
+    """Cone (7), normal force and centre of pressure in the intervals k."""
     geometry, planner = Geometry.of(scenario), scenario.planner
     mu = scenario.object.friction * (1 - planner.friction_margin)
     reach = geometry.half_length * (1 - planner.support_margin)
-    k = np.arange(layout.release - point.n_contact, layout.release)
     for at in (k, k + 1):
         (tangential, f_s0), (normal, f_n0) = _contact_terms(layout, point, k, at)
         rows.add(NORMAL, _scaled(normal, -1.0), f_n0 - planner.minimum_normal)
@@ -106,7 +111,6 @@ def contact_rows(rows: Rows, layout: Layout, point: Trajectory, scenario: Scenar
                 [*moment, *_scaled(normal, -1.0)],
                 f_n0 + sign * geometry.half_thickness / reach * f_s0,
             )
-    rows.add(RELEASE, [(layout.x(layout.release, 2), -1.0)], [-(np.pi / 2 + planner.release_angle)])
 
 
 def workspace_rows(rows: Rows, layout: Layout, point: Trajectory, scenario: Scenario) -> None:

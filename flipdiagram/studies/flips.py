@@ -7,6 +7,7 @@ import json
 import logging
 import time
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
@@ -19,7 +20,7 @@ from flipdiagram.metrics import FlipMetrics, Touchdown
 from flipdiagram.parallel import Workers
 from flipdiagram.planning import Plan, plan_motion
 from flipdiagram.provenance import code_version
-from flipdiagram.scenario import Controller, Scenario
+from flipdiagram.scenario import FILES, Controller, Scenario
 from flipdiagram.simulate import simulate
 from flipdiagram.studies.recordings import recording_key, save_recording
 from flipdiagram.studies.store import Store
@@ -29,9 +30,9 @@ PLAN_SECTIONS = ("arm", "tool", "object", "table", "task", "planner")
 BATCH = 150
 """Flips after which the processes are renewed: Drake never frees a Python system."""
 SOURCES = (
-    "arm", "assembly", "assets", "blocks", "contact", "controller", "inverse_kinematics", "loop", "margins", "metrics",
-    "parts", "planning", "plants", "recording", "scenario", "scenario_io", "scenario_one_dof", "scenario_parts",
-    "simulate", "task_space",
+    "arm", "arm_files", "assembly", "assets", "blocks", "contact", "controller", "inverse_kinematics", "loop",
+    "margins", "metrics", "parts", "planning", "plants", "recording", "replacement", "scenario", "scenario_io",
+    "scenario_one_dof", "scenario_parts", "simulate", "task_space",
 )  # fmt: skip
 """Modules whose code decides what a flip measures; a test compares them with what `simulate`, `metrics` import."""
 
@@ -57,13 +58,13 @@ class Flip:
             default = Controller().g_dis
             scenario = scenario.with_overrides({"controller.g_dis": default})
         sections = scenario.model_dump(mode="json", exclude={"one_dof", "frequency"})
-        return _digest(json.dumps(sections, sort_keys=True), self.architecture)
+        return _digest(json.dumps(sections, sort_keys=True), self.architecture, *_models(scenario))
 
     @property
     def plan_key(self) -> str:
         """Name of the motion that the flip needs."""
         sections = self.scenario.model_dump(mode="json", include=set(PLAN_SECTIONS))
-        return _digest(json.dumps(sections, sort_keys=True))
+        return _digest(json.dumps(sections, sort_keys=True), *_models(self.scenario))
 
 
 @dataclass(frozen=True)
@@ -208,6 +209,17 @@ class Clock:
         self.done += 1
         left = (time.monotonic() - self.begin) / self.done * (self.total - self.done)
         return f"{self.done}/{self.total}, {int(left) // 60}:{int(left) % 60:02d} left"
+
+
+def _models(scenario: Scenario) -> list[str]:
+    """Digests of the model files that a scenario names: they may change under the same name."""
+    found = []
+    for field in FILES:
+        section, name = field.split(".")
+        if path := getattr(getattr(scenario, section), name):
+            with suppress(OSError):  # who runs the flip says that it cannot be read
+                found.append(f"{field} {hashlib.sha256(Path(path).read_bytes()).hexdigest()}")
+    return found
 
 
 def _digest(*texts: str) -> str:

@@ -23,7 +23,7 @@ def recording_key(path: str | Path) -> str | None:
     try:
         with xr.open_dataset(path, engine="scipy") as data:
             return str(data.attrs.get("key", ""))
-    except (OSError, ValueError, TypeError):
+    except (OSError, ValueError, TypeError, LookupError):  # SciPy stumbles over a damaged file in many ways
         return None
 
 

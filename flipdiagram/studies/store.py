@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,10 +33,21 @@ class Store:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._database = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
             try:
-                self._open()
+                self._open_patiently()
             except BaseException:
                 self._database.close()
                 raise
+
+    def _open_patiently(self) -> None:
+        # SQLite's own timeout does not cover the change to WAL, which two processes may begin at once
+        until = time.monotonic() + PATIENCE
+        while True:
+            try:
+                return self._open()
+            except sqlite3.OperationalError as error:
+                if "locked" not in str(error) or time.monotonic() > until:
+                    raise
+                time.sleep(0.02)
 
     def _open(self) -> None:
         (version,) = self._database.execute("PRAGMA user_version").fetchone()
@@ -81,5 +93,5 @@ class Store:
         try:
             yield
         except (sqlite3.Error, OSError) as error:
-            message = f"'{self.path}' cannot be used: {error}; valid is a file of this program, or none"
+            message = f"'{self.path}' cannot be used: {error}; valid is a writable file of this program, or none"
             raise ScenarioError(message) from None

@@ -4,9 +4,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
 
+from flipdiagram.blocks.delay import Delay
 from flipdiagram.blocks.feedforward import AccelerationFeedforward
 from flipdiagram.blocks.friction import JointFriction
+from flipdiagram.blocks.gravity import GravityCompensation
 from flipdiagram.blocks.inertia import NominalInertia
 from flipdiagram.blocks.inverse_jacobian import InverseJacobian
 from flipdiagram.blocks.observer import DisturbanceObserver
@@ -14,6 +20,7 @@ from flipdiagram.blocks.pd import ProportionalDerivative
 from flipdiagram.blocks.sensors import Encoder, PseudoDerivative
 from flipdiagram.blocks.tool_kinematics import ToolKinematics
 from flipdiagram.blocks.torque_limit import TorqueLimit
+from flipdiagram.errors import ScenarioError
 
 # NumPy reports the floating-point flags that Drake's symbolic scalars leave behind.
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
@@ -34,6 +41,9 @@ class DiagonalArm:
     def task_position_velocity(self, q: Any, qd: Any) -> Any:
         return q * np.array([1.0, 2.0]), q + qd
 
+    def gravity_torque(self, q: Any) -> Any:
+        return 9.81 * q * np.array([1.0, 2.0])
+
 
 BLOCKS = {
     "feedforward": lambda: AccelerationFeedforward(2),
@@ -47,9 +57,13 @@ BLOCKS = {
     "encoder": lambda: Encoder([0.01, 0.0]),
     "derivative": lambda: PseudoDerivative([20.0, 30.0], 0.01),
     "inverse jacobian": lambda: InverseJacobian(DiagonalArm(), 2, 2),
+    "delay": lambda: Delay(2, 1, 0.01),
+    "longer delay": lambda: Delay(2, 3, 0.01),
+    "gravity": lambda: GravityCompensation(DiagonalArm(), [0.5, 1.0], 2),
     "tool kinematics": lambda: ToolKinematics(DiagonalArm(), 2, 2),
 }
 every_block = pytest.mark.parametrize("name", BLOCKS)
+every_offset = pytest.mark.parametrize("offset", [0.0, 0.0075])
 
 
 def fill(block: Any, context: Any, seed: int = 0, **other: int) -> None:
@@ -64,7 +78,7 @@ def fill(block: Any, context: Any, seed: int = 0, **other: int) -> None:
         parameter = context.get_mutable_numeric_parameter(i)
         parameter.SetFromVector(numbers(f"parameter{i}", parameter.size()))
     if context.num_discrete_state_groups():
-        context.SetDiscreteState(numbers("state", 2))
+        context.SetDiscreteState(numbers("state", context.num_total_states()))
 
 
 def results(block: Any, context: Any) -> list[np.ndarray]:
@@ -140,3 +154,45 @@ def test_converted_blocks_keep_ports_sampling_and_defaults(name: str) -> None:
 def test_every_block_says_what_it_is(name: str) -> None:
     doc = str(type(BLOCKS[name]()).__doc__)
     assert "output" in doc and "[" in doc and "(n,)" in doc
+
+
+@every_offset
+def test_a_delay_gives_back_its_input_after_exactly_so_many_periods(offset: float) -> None:
+    """Random inputs through a simulated diagram, seen by a sampled reader of the same offset."""
+    period, periods, ticks = 0.01, 3, 12
+    sent = np.random.default_rng(7).uniform(-1.0, 1.0, (2, ticks + 1))
+    builder = DiagramBuilder()
+    # each value stands from a period before its sample, so that no rounding of k·T decides which one is read
+    breaks = period * (np.arange(ticks + 1) - 0.5) + offset
+    source = builder.AddSystem(TrajectorySource(PiecewisePolynomial.ZeroOrderHold(breaks, sent)))
+    delay = builder.AddSystem(Delay(2, periods, period, offset))
+    reader = builder.AddSystem(Delay(2, 1, period, offset))
+    builder.Connect(source.get_output_port(), delay.get_input_port())
+    builder.Connect(delay.get_output_port(), reader.get_input_port())
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    context = simulator.get_mutable_context()
+    delay.set_initial_value(delay.GetMyMutableContextFromRoot(context), [5.0, 6.0])
+    seen = []
+    for k in range(ticks):
+        simulator.AdvanceTo(k * period + offset + 0.3 * period)
+        seen.append(reader.get_output_port().Eval(reader.GetMyContextFromRoot(context)))
+    before = np.tile([5.0, 6.0], (periods, 1))
+    np.testing.assert_array_equal(seen, np.vstack([before, sent.T])[:ticks])
+
+
+@pytest.mark.parametrize("periods", [0, -1])
+def test_a_delay_of_no_period_is_refused(periods: int) -> None:
+    with pytest.raises(ScenarioError, match="periods = .* at least 1"):
+        Delay(1, periods, 0.01)
+
+
+def test_gravity_compensation_is_a_fraction_of_the_arms_torque(context_of: Any, feedthrough_of: Any) -> None:
+    block = GravityCompensation(DiagonalArm(), 0.5, 2)
+    context = context_of(block, q=[1.0, -3.0])
+    assert block.GetOutputPort("tau_gravity").Eval(context) == pytest.approx([4.905, -29.43])
+    block.set_fraction(context, [1.0, 0.0])
+    assert block.GetOutputPort("tau_gravity").Eval(context) == pytest.approx([9.81, 0.0])
+    assert feedthrough_of(block) == {("q", "tau_gravity")}
+    with pytest.raises(ScenarioError, match="fraction"):
+        block.set_fraction(context, -0.1)

@@ -1,0 +1,33 @@
+"""What became of the object that was laid down, as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from flipdiagram.grid import Grid
+
+
+def place_grid(summary: Mapping[str, Any]) -> Grid:
+    """A row an architecture: verdict, distance from the target, speed at touch-down, slide planned and realised."""
+    rows = []
+    for run in summary["runs"]:
+        speed = run["touchdown_speed_m_s"]
+        rows.append(
+            [
+                f"`{run['architecture']}`", "laid down" if run["success"] else run["failure"],
+                f"{100 * run['distance_m']:.1f}", f"{run['tilt_rad']:.3f}", "–" if speed is None else f"{speed:.2f}",
+                f"{1000 * run['slid_m']:.1f}", f"{1000 * run['planned_slide_m']:.1f}",
+                f"{100 * run['position_rmse_m']:.2f}",
+            ]
+        )  # fmt: skip
+    headings = [
+        "", "object", "from the target [cm]", "tilt [rad]", "at touch-down [m/s]", "slid [mm]", "planned [mm]",
+        "position RMSE [cm]",
+    ]  # fmt: skip
+    plan = summary["plan"]
+    title = (
+        f"blade tilted to {plan['tilt_rad']:.2f} rad, friction angle {plan['friction_angle_rad']:.2f} rad,"
+        f" target y = {100 * summary['target_y_m']:.0f} cm"
+    )
+    return Grid(headings, rows, title=title, right=headings[2:])

@@ -1,0 +1,161 @@
+"""Plan of laying an object down: stick, slide, and away with the blade (eqs. (7) and (8)).
+
+1. carry: from the start to above the table, tilted just below the friction angle, the object sticking (7);
+2. tilt beyond the friction angle about the blade's lower edge: the object slides, |φ| between ϕ and π/2 (8);
+3. wait until its lower edge stands on the table, and draw the blade away along itself.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from flipdiagram import contact
+from flipdiagram.arm import ArmModel
+from flipdiagram.contact import Floats
+from flipdiagram.errors import PlanningError
+from flipdiagram.planning import constraints, limits
+from flipdiagram.planning.constraints import Geometry, Trajectory
+from flipdiagram.planning.horizon import Layout
+from flipdiagram.planning.plan import Plan
+from flipdiagram.planning.rows import Rows
+from flipdiagram.planning.segment import SegmentProgram
+from flipdiagram.planning.slide import Slide, tilt_for
+from flipdiagram.scenario import Scenario
+
+CARRY_SAMPLES = (40, 60, 80, 120, 160)
+"""Durations tried for the carrying, in samples: the first that the contact and the joints allow."""
+
+TILT_ITERATIONS = 5
+
+
+@dataclass(frozen=True)
+class PlacingPlan:
+    """The motion as a Plan for the MPC, and when and how the object slides in it."""
+
+    plan: Plan
+    slide: Slide
+    slide_begins: float
+    """When the blade passes the friction angle [s]."""
+    retreat_begins: float
+    """When the blade begins to be drawn away [s]."""
+    landing: Floats
+    """Where the object is meant to lie: y, z [m]."""
+
+    def displacement(self, t: Floats) -> Floats:
+        """Planned σ(t) [m] of the object along the blade, until the blade is drawn away."""
+        return self.slide.displacement(np.asarray(t) - self.slide_begins)
+
+
+class Placer:
+    """Plans the laying down of one scenario."""
+
+    def __init__(self, scenario: Scenario, arm: ArmModel) -> None:
+        self.scenario, self.arm = scenario, arm
+        self.geometry = Geometry.of(scenario)
+        self.settings = scenario.place
+
+    def plan(self) -> PlacingPlan:
+        """The first motion that contact and joints allow; raises PlanningError saying what stands in the way."""
+        begin = time.perf_counter()
+        reasons = []
+        for samples in CARRY_SAMPLES:
+            try:
+                return self._attempt(samples, begin)
+            except PlanningError as error:
+                reasons.append(str(error))
+        raise PlanningError(f"the object cannot be laid down: {reasons[-1]}")
+
+    def _attempt(self, carry_samples: int, begin: float) -> PlacingPlan:
+        settings, geometry = self.settings, self.geometry
+        dt = settings.sampling_time
+        mu = self.scenario.object.friction
+        below = beyond = float(np.arctan(mu)) - settings.carry_margin
+        for _ in range(TILT_ITERATIONS):  # the way to the table depends a little on the tilt
+            beyond = tilt_for(mu, self._way(beyond), settings.speed, settings.tilt_margin)
+        start = np.array([self.scenario.task.start_y, self.scenario.task.start_z, 0.0])
+        way = self._way(beyond)
+        slide = Slide(beyond, mu, way)
+        edge_y = settings.target_y - geometry.half_length  # where the object's lower edge shall stand
+        above, tilted = self._pose(below, edge_y, way), self._pose(beyond, edge_y, way)
+        tangent = np.array([np.cos(beyond), np.sin(beyond)])
+        away = tilted + settings.retreat * np.array([*tangent, 0.0])
+        wait = slide.duration + settings.wait
+        pieces = [
+            SegmentProgram(carry_samples, dt).plan(start, above, self._stick_rows),
+            SegmentProgram(_samples(settings.tilt_time, dt), dt).plan(above, tilted, self._free_rows),
+            _rest(tilted, _samples(wait, dt)),
+            SegmentProgram(_samples(settings.retreat_time, dt), dt).plan(tilted, away, self._free_rows),
+        ]
+        states = np.vstack([pieces[0][0], *(piece[0][1:] for piece in pieces[1:])])
+        inputs = np.vstack([piece[1] for piece in pieces])
+        contact_samples = sum(len(piece[1]) for piece in pieces[:3])
+        slide_begins = self._passes(states, np.arctan(mu), carry_samples)
+        plan = self._finished(states, inputs, contact_samples, carry_samples, begin)
+        landing = np.array([settings.target_y, self.scenario.table.height + geometry.half_thickness])
+        return PlacingPlan(plan, slide, slide_begins, contact_samples * dt, landing)
+
+    def _way(self, tilt: float) -> float:
+        """How far the object slides until its lower edge reaches the table [m]."""
+        g = self.geometry
+        over = (self.settings.edge_clearance + g.blade_thickness * np.cos(tilt)) / np.sin(tilt)
+        return float(g.half_blade - g.half_length + over)
+
+    def _pose(self, tilt: float, edge_y: float, way: float) -> Floats:
+        """(y, z, θ) of the control point with the blade's lower edge above the table, where the object's edge lands."""
+        g, table = self.geometry, self.scenario.table.height
+        s, n = contact.tool_tangent(tilt), contact.tool_normal(tilt)
+        middle_z = table + self.settings.edge_clearance + g.half_blade * s[1] + g.blade_thickness * n[1]
+        middle_y = edge_y + (way + g.half_length) * s[0]
+        return np.array([middle_y, middle_z, 0.0]) + np.array([*(g.half_thickness * n), tilt])
+
+    def _stick_rows(self, rows: Rows, layout: Layout, point: Trajectory) -> None:
+        constraints.stick_rows(rows, layout, point, self.scenario, np.arange(layout.intervals))
+        self._free_rows(rows, layout, point)
+
+    def _free_rows(self, rows: Rows, layout: Layout, point: Trajectory) -> None:
+        """The workspace, and every corner of the blade above the table."""
+        constraints.workspace_rows(rows, layout, point, self.scenario)
+        g, floor = self.geometry, self.scenario.table.height + self.settings.edge_clearance / 2
+        k = np.arange(1, layout.intervals)
+        theta = point.states[k, 2]
+        for s in (g.half_blade, -g.half_blade):
+            n = -g.half_thickness - g.blade_thickness
+            height, slope = s * np.sin(theta) + n * np.cos(theta), s * np.cos(theta) - n * np.sin(theta)
+            upper = height - slope * theta - floor
+            rows.add(constraints.CLEARANCE, [(layout.x(k, 1), -1.0), (layout.x(k, 2), -slope)], upper)
+
+    def _passes(self, states: Floats, angle: float, first: int) -> float:
+        theta = states[first:, 2]
+        k = int(np.argmax(theta > angle))
+        share = (angle - theta[k - 1]) / (theta[k] - theta[k - 1]) if k else 0.0
+        return float((first + k - 1 + share) * self.settings.sampling_time)
+
+    def _finished(self, states: Floats, inputs: Floats, contact_samples: int, carried: int, begin: float) -> Plan:
+        arm, scenario = self.arm, self.scenario
+        pose = limits.task_pose(states[0], scenario.task.start_x)
+        q_start = arm.inverse_kinematics(pose, through=[limits.task_pose(states[-1], scenario.task.start_x)])
+        motion = limits.joint_motion(arm, states, inputs, scenario.task.start_x, q_start)
+        use = {kind: float(values.max()) for kind, values in limits.limit_use(motion, arm).items()}
+        for kind, value in use.items():
+            if value > 1:
+                raise PlanningError(f"{kind} cannot be met: {value:.2f} x the limit would be needed")
+        phi = contact.sliding_angle(inputs[:carried, :2], states[:carried, 2])
+        return Plan(
+            sampling_time=self.settings.sampling_time, n_contact=contact_samples, n_flight=1,
+            n_brake=len(inputs) - contact_samples, states=states, inputs=inputs, cost=0.0, residual=0.0,
+            max_sliding_angle=float(np.abs(phi).max()),
+            friction_angle=float(contact.friction_angle(scenario.object.friction)), limit_use=use,
+            solver="clarabel", iterations=1, solve_time=time.perf_counter() - begin,
+        )  # fmt: skip
+
+
+def _samples(duration: float, dt: float) -> int:
+    return max(4, round(duration / dt))
+
+
+def _rest(place: Floats, samples: int) -> tuple[Floats, Floats]:
+    states = np.tile([*place, 0.0, 0.0, 0.0], (samples + 1, 1))
+    return states, np.zeros((samples, 3))
