@@ -47,6 +47,8 @@ class Loop:
     q_start: Floats
     logs: dict[str, VectorLogSink]
     """Sinks by signal name, where the loop was built with `record`."""
+    replaced: tuple[str, ...] = ()
+    """Boxes that are of the user's own."""
 
     def context(self, plan: Plan | None = None) -> Context:
         """A fresh context: arm at rest at the start pose, block on the blade; with `plan` the MPC need not solve."""
@@ -139,7 +141,7 @@ def build_loop(
         text = str(error).splitlines()[0]
         raise ScenarioError(f"replace: {', '.join(replace)} closes an algebraic loop: {text}") from None
     diagram.set_name(architecture)
-    return Loop(diagram, scenario, architecture, arm, mpc, boxes, cell, q_start, logs)
+    return Loop(diagram, scenario, architecture, arm, mpc, boxes, cell, q_start, logs, tuple(replace or ()))
 
 
 def _mpc(

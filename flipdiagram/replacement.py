@@ -33,7 +33,7 @@ def chosen(
         have, want = _outputs(box), _outputs(ours[name])
         for port, size in want.items():
             if port not in have:
-                raise misfit(name, f"no output port '{port}'", f"{', '.join(want)} of size {size}")
+                raise misfit(name, f"no output port '{port}' but {', '.join(have) or 'none'}", f"{port} of size {size}")
             if have[port] != size:
                 raise misfit(name, f"output port '{port}' of size {have[port]}", f"{size}")
         for i in range(box.num_input_ports()):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,12 +12,13 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
 from flipdiagram.blocks.receding_horizon import RecedingHorizonController
-from flipdiagram.errors import SimulationError
+from flipdiagram.errors import ScenarioError, SimulationError
 from flipdiagram.loop import Loop, build_loop
 from flipdiagram.margins import with_margins
 from flipdiagram.planning.command import Command
 from flipdiagram.planning.plan import Plan
 from flipdiagram.recording import Recording, assemble
+from flipdiagram.replacement import Box
 from flipdiagram.scenario import Scenario
 
 CHUNK = 0.1
@@ -41,16 +42,20 @@ def simulate(
     plan: Plan | None = None,
     progress: Callable[[float], None] | None = None,
     loop: Loop | None = None,
+    replace: Mapping[str, Box] | None = None,
     pace: Callable[[float], None] | None = None,
 ) -> Run:
     """Hold, motion, release, touch-down and settling of one flip.
 
     plan: the motion to follow; without one the MPC plans when the run starts.  progress: called with the fraction
-    done.  loop: one built with record=True, to be used again.  pace: called with the simulated time every `FRAME`,
+    done.  loop: one built with record=True for the same scenario and architecture, to be used again.  replace: boxes of
+    the user's own, as for `build_loop`.  pace: called with the simulated time every `FRAME`,
     to hold the simulation back.  Raises ScenarioError for a bad scenario, PlanningError
     where there is no motion, SimulationError where the simulation diverges.
     """
-    loop = loop or build_loop(scenario, architecture, record=True)
+    if loop is None:
+        loop = build_loop(scenario, architecture, record=True, replace=replace)
+    _check_loop(loop, scenario, architecture, replace)
     context = loop.context(plan)
     simulator = Simulator(loop.diagram, context)
     simulator.Initialize()
@@ -71,6 +76,17 @@ def simulate(
     mine = loop.mpc.GetMyContextFromRoot(context)
     last = loop.mpc.last_command(mine) if isinstance(loop.mpc, RecedingHorizonController) else None
     return Run(_read(loop, context, last or plan), plan, end / elapsed)
+
+
+def _check_loop(loop: Loop, scenario: Scenario, architecture: str, replace: Mapping[str, Box] | None) -> None:
+    if loop.architecture != architecture:
+        raise ScenarioError(f"loop is one of '{loop.architecture}'; valid is one of '{architecture}'")
+    if loop.scenario != scenario:
+        raise ScenarioError("loop was built for another scenario; valid is one for the scenario that is simulated")
+    if not loop.logs:
+        raise ScenarioError("loop records nothing; valid is one of build_loop(..., record=True)")
+    if replace and set(replace) != set(loop.replaced):
+        raise ScenarioError(f"loop has {list(loop.replaced)} replaced; valid is {list(replace)}, or no `loop`")
 
 
 def _advance(simulator: Simulator, until: float) -> None:
@@ -102,4 +118,5 @@ def _read(loop: Loop, context: Context, plan: Plan | Command) -> Recording:
     clock = (np.arange(samples) - hold / period) * period
     wrench = signals.pop("contact_wrench")
     signals["contact_force"] = wrench[:9]
-    return with_margins(assemble(signals, clock, settings, loop.architecture, loop.arm, plan), wrench[9:].T, settings)
+    data = with_margins(assemble(signals, clock, settings, loop.architecture, loop.arm, plan), wrench[9:].T, settings)
+    return data.assign_attrs(replaced=", ".join(loop.replaced)) if loop.replaced else data

@@ -18,7 +18,7 @@ ORDER = (
     "arm_files", "assets", "provenance", "task_space", "inverse_kinematics", "assembly", "arm", "parts",
     "planning", "blocks", "plants", "replacement", "controller", "one_dof_loop", "loop", "compiled", "recording", "margins", "simulate", "metrics", "second_engine", "studies",
     "scene", "sketch", "snapshots", "figures", "frequency_figures", "replay", "gallery", "grid", "tables",
-    "frequency_tables", "experiment_figures", "experiment_tables", "border_figures", "border_tables", "replanning_tables", "place_figures", "place_tables", "results", "campaign", "campaign_figures", "campaign_tables", "drawing", "diagrams", "report",
+    "frequency_tables", "experiment_figures", "experiment_tables", "border_figures", "border_tables", "replanning_tables", "place_figures", "place_tables", "results", "campaign", "campaign_figures", "campaign_tables", "drawing", "diagrams", "api", "report",
     "live", "terminal", "options", "completion", "commands", "cli",
 )  # fmt: skip
 

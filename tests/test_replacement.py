@@ -71,7 +71,7 @@ def test_a_controller_that_does_nothing_drops_everything(plan):
 MISFITS = {
     "absent box": ("pd", {"disturbance_observer": Box({}, {})}, "'pd' has no box 'disturbance_observer'", "tool_kinematics"),
     "the mpc": ("pd", {"mpc": Box({}, {})}, "no box 'mpc'", "choose from pd"),
-    "missing output": ("pd", {"pd": Box({"x": 6}, {"force": 6})}, "box for 'pd' has no output port 'a_ref'", "of size 6"),
+    "missing output": ("pd", {"pd": Box({"x": 6}, {"force": 6})}, "box for 'pd' has no output port 'a_ref' but force", "a_ref of size 6"),
     "output of another size": ("pd", {"pd": Box({"x": 6}, {"a_ref": 3})}, "'a_ref' of size 3", "valid is 6"),
     "input of another size": ("pd", {"pd": Box({"x": 3}, {"a_ref": 6})}, "'x' has size 3", "valid is 6"),
     "unknown input": ("pd", {"pd": Box({"u": 6}, {"a_ref": 6})}, "input port 'u', which is no signal", "x_cmd, v_cmd"),

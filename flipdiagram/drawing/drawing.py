@@ -33,6 +33,9 @@ class Drawing:
     style: Style
     title: str | None = None
 
+    def __repr__(self) -> str:
+        return f"<Drawing of {len(self.graph.boxes)} boxes; svg(), png(), dot(), mermaid(), rates()>"
+
     def dot(self) -> str:
         """The figure in DOT, the language of Graphviz, which bends the arrows its own way: `svg` has them square."""
         return to_dot(self.graph, self.lines, self.style, self.title)

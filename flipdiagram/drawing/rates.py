@@ -80,6 +80,9 @@ class Rate:
 class RateTable(tuple[Rate, ...]):
     """Rows of `Rate`, with a Markdown form that notebooks show."""
 
+    def __repr__(self) -> str:
+        return f"<RateTable of {len(self)} systems; to_markdown() shows them>"
+
     def to_markdown(self) -> str:
         """The table in Markdown, a row for each system."""
         out = ["| system | class | sample time | inputs | outputs | direct feed-through |", "|---|---|---|---|---|---|"]
