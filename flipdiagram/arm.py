@@ -62,6 +62,7 @@ class ArmModel:
         payload_inertia: float = 0.0,
         arm: ArmFile | str | None = None,
         spatula: str | None = None,
+        base_pose: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
     ) -> None:
         """As `add_arm`; payload_mass [kg] rides at C, with payload_inertia [kg m^2] about x.
 
@@ -80,6 +81,7 @@ class ArmModel:
             reflected_inertia_scales=reflected_inertia_scales,
             arm=arm,
             spatula=spatula,
+            base_pose=base_pose,
         )
         mass = assets.check_not_negative("payload_mass", payload_mass)
         inertia = assets.check_not_negative("payload_inertia", payload_inertia)

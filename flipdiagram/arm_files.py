@@ -26,16 +26,14 @@ FORMATS = (".urdf", ".sdf", ".xml")
 class ArmFile:
     """An arm of the user's own, as the scenario names it.
 
-    path: URDF, SDF or MJCF (.xml); base, flange: names of links or frames; base_pose (x, y, z, yaw) [m, rad] of the
-    base in the world; mount_angle [rad]: turn of the spatula about the flange's z axis, which points out of it;
-    the rest per joint from base to flange, None for what the file says: home [rad], torque_limits [N m],
-    speed_limits [rad/s], reflected_inertia [kg m²].
+    path: URDF, SDF or MJCF (.xml); base, flange: names of links or frames; mount_angle [rad]: turn of the spatula about
+    the flange's z axis, which points out of it; the rest per joint from base to flange, None for what the file says:
+    home [rad], torque_limits [N m], speed_limits [rad/s], reflected_inertia [kg m²].
     """
 
     path: str
     base: str = "base"
     flange: str = "flange"
-    base_pose: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     mount_angle: float = 0.0
     home: tuple[float, ...] | None = None
     torque_limits: tuple[float, ...] | None = None
@@ -90,6 +88,38 @@ def made_ready(root: ElementTree.Element, base: str, flange: str, source: str) -
     for name, link in links.items():
         _show_simply(link, [joint for joint in joints if _link(joint, "parent") == name], Path(source).parent)
     return moving
+
+
+def rated_torques(arm_text: str) -> dict[str, float]:
+    """Continuous torque [N m] by joint name: attribute `rated_effort`, or `effort` where it is missing."""
+    return {
+        name: float(limit.get("rated_effort", limit.get("effort", "inf")))
+        for name, limit in _joint_limits(arm_text).items()
+    }
+
+
+def peak_torques(arm_text: str) -> dict[str, float]:
+    """Largest torque [N m] by joint name: attribute `effort`; 0 where it is missing."""
+    return {name: float(limit.get("effort", 0)) for name, limit in _joint_limits(arm_text).items()}
+
+
+def home_angles(arm_text: str) -> dict[str, float] | None:
+    """Angle near the start pose [rad] by joint name from the `home` attributes, the middle of the range where one is
+    missing; None where all are.
+    """
+    limits = _joint_limits(arm_text)
+    if not any("home" in limit.attrib for limit in limits.values()):
+        return None
+    return {
+        name: float(limit.get("home", (float(limit.get("lower", 0)) + float(limit.get("upper", 0))) / 2))
+        for name, limit in limits.items()
+    }
+
+
+def _joint_limits(arm_text: str) -> dict[str, ElementTree.Element]:
+    joints = ElementTree.fromstring(arm_text).iterfind("joint")
+    limits = {joint.attrib["name"]: joint.find("limit") for joint in joints}
+    return {name: limit for name, limit in limits.items() if limit is not None}
 
 
 def _link(joint: ElementTree.Element, kind: str) -> str:

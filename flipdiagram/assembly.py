@@ -18,7 +18,7 @@ from pydrake.multibody.tree import (
     WeldJoint,
 )
 
-from flipdiagram import assets
+from flipdiagram import arm_files, assets
 from flipdiagram.arm_files import ArmFile
 from flipdiagram.errors import ScenarioError
 
@@ -55,13 +55,14 @@ def add_arm(
     reflected_inertia_scales: Sequence[float] | None = None,
     arm: ArmFile | str | None = None,
     spatula: str | None = None,
+    base_pose: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
 ) -> ArmHandles:
     """Add arm and spatula to a plant that is not finalized: base welded to the world, spatula to the flange.
 
     tool_height: C above the blade's top surface [m]; the scales are factors on the numbers of mh3f.urdf
     (`assets.arm_urdf`); arm: a file of the user's own (None: mh3f.urdf); spatula: URDF or SDF text with a body and a
-    frame "tool" (`assets.spatula_urdf(...)`, default numbers if None). Raises ScenarioError for a bad number and for a
-    file that lacks something.
+    frame "tool" (`assets.spatula_urdf(...)`, default numbers if None); base_pose: x, y, z [m] and yaw [rad] of
+    the base.  Raises ScenarioError for a bad number and for a file that lacks something.
     """
     own = ArmFile(arm) if isinstance(arm, str) else arm
     offset: Any = np.array([0.0, 0.0, assets.check_not_negative("tool_height", tool_height)])
@@ -74,16 +75,16 @@ def add_arm(
         "reflected_inertia_scales": reflected_inertia_scales,
     }
     if own is None:
-        instance, rated, home = _add_urdf(plant, None, scales)
+        instance, rated, home, _ = _add_urdf(plant, None, scales)
         base, flange = (plant.GetFrameByName(name, instance) for name in ("base", "flange"))
-        X_WB, R_FS = RigidTransform(), RotationMatrix(R_FLANGE_SPATULA)
+        R_FS = RotationMatrix(R_FLANGE_SPATULA)
     else:
         own.check()
-        instance, rated, home = _add_own(plant, own, scales)
+        instance, rated, home, _ = _add_own(plant, own, scales)
         base, flange = (plant.GetFrameByName(name, instance) for name in (own.base, own.flange))
-        x, y, z, yaw = own.base_pose
-        X_WB = RigidTransform(RollPitchYaw(0.0, 0.0, yaw), [x, y, z])
         R_FS = RotationMatrix.MakeZRotation(own.mount_angle) @ RotationMatrix(R_FLANGE_SPATULA)
+    x, y, z, yaw = base_pose
+    X_WB = RigidTransform(RollPitchYaw(0.0, 0.0, yaw), [x, y, z]) if any(base_pose) else RigidTransform()
     plant.WeldFrames(plant.world_frame(), base, X_WB)
 
     tool_model, body, tool = _add_spatula(plant, spatula or assets.spatula_urdf())
@@ -101,7 +102,8 @@ def add_arm(
     )
 
 
-Added = tuple[ModelInstanceIndex, dict[str, float], dict[str, float] | None]
+Added = tuple[ModelInstanceIndex, dict[str, float], dict[str, float] | None, dict[str, float]]
+"""The model, rated torques [N m], home [rad] and peak torques [N m] by joint name, as far as the file tells."""
 
 
 def _add_urdf(plant: MultibodyPlant, own: ArmFile | None, scales: dict[str, Any]) -> Added:
@@ -111,16 +113,18 @@ def _add_urdf(plant: MultibodyPlant, own: ArmFile | None, scales: dict[str, Any]
     except RuntimeError as error:
         raise ScenarioError(f"arm.file = '{own.path if own else 'mh3f.urdf'}' cannot be read: {error}") from None
     names = [joint.name() for joint in _moving(plant, instance)]
-    rated, home = assets.rated_torques(text), assets.home_angles(text)
-    return instance, {name: rated.get(name, np.inf) for name in names}, home and {name: home[name] for name in names}
+    rated, home = arm_files.rated_torques(text), arm_files.home_angles(text)
+    stated = {name: rated.get(name, np.inf) for name in names}
+    return instance, stated, home and {name: home[name] for name in names}, arm_files.peak_torques(text)
 
 
 def _add_own(plant: MultibodyPlant, own: ArmFile, scales: dict[str, Any]) -> Added:
     """An arm of the user's own: its file, then what the scenario says instead of the file."""
     rated: dict[str, float] = {}
+    peak: dict[str, float] = {}
     home: dict[str, float] | None = None
     if own.is_urdf:
-        instance, rated, home = _add_urdf(plant, own, scales)
+        instance, rated, home, peak = _add_urdf(plant, own, scales)
         scales = {}  # they are in the text
     else:
         if any(scales[name] != 1.0 for name in ("link_inertia_scale",)) or scales["link_inertia_scales"] is not None:
@@ -140,14 +144,15 @@ def _add_own(plant: MultibodyPlant, own: ArmFile, scales: dict[str, Any]) -> Add
                 f"scenario field 'arm.{field}' = {list(given)} has {len(given)} entries;"
                 f" valid is one per joint, {' '.join(names)}"
             )
-    torque = _actuate(plant, own, joints, scales, rated)
+    torque = _actuate(plant, own, joints, scales, peak)
     if own.speed_limits is not None:
         for joint, limit in zip(joints, own.speed_limits, strict=True):
             joint.set_velocity_limits([-limit], [limit])
     if own.home is not None:
         home = dict(zip(names, own.home, strict=True))
     known = own.torque_limits is None
-    return instance, {n: rated[n] if known and np.isfinite(rated.get(n, np.inf)) else torque[n] for n in names}, home
+    rated = {n: rated[n] if known and np.isfinite(rated.get(n, np.inf)) else torque[n] for n in names}
+    return instance, rated, home, peak
 
 
 def _moving(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[Joint]:
@@ -166,7 +171,7 @@ def _actuate(
     limits, gears = {}, {}
     for k, joint in enumerate(joints):
         name, actuator = joint.name(), old.get(joint.name())
-        in_file = actuator.effort_limit() if actuator else stated.get(name, np.inf)
+        in_file = actuator.effort_limit() if actuator else stated.get(name, 0.0)
         limit = own.torque_limits[k] if own.torque_limits else in_file
         limit *= scales.get("torque_scale", 1.0)
         if not (np.isfinite(limit) and limit > 0):

@@ -109,33 +109,6 @@ def _per_joint(name: str, scales: Sequence[float] | None, joints: Sequence[Eleme
     return [check_positive(f"{name}[{i}]", scale) for i, scale in enumerate(scales)]
 
 
-def rated_torques(arm_text: str) -> dict[str, float]:
-    """Continuous torque [N m] by joint name: attribute `rated_effort`, or `effort` where it is missing."""
-    return {
-        name: float(limit.get("rated_effort", limit.get("effort", "inf")))
-        for name, limit in _joint_limits(arm_text).items()
-    }
-
-
-def home_angles(arm_text: str) -> dict[str, float] | None:
-    """Angle near the start pose [rad] by joint name from the `home` attributes, the middle of the range where one is
-    missing; None where all are.
-    """
-    limits = _joint_limits(arm_text)
-    if not any("home" in limit.attrib for limit in limits.values()):
-        return None
-    return {
-        name: float(limit.get("home", (float(limit.get("lower", 0)) + float(limit.get("upper", 0))) / 2))
-        for name, limit in limits.items()
-    }
-
-
-def _joint_limits(arm_text: str) -> dict[str, ElementTree.Element]:
-    joints = ElementTree.fromstring(arm_text).iterfind("joint")
-    limits = {joint.attrib["name"]: joint.find("limit") for joint in joints}
-    return {name: limit for name, limit in limits.items() if limit is not None}
-
-
 def spatula_urdf(
     *,
     blade_size: Sequence[float] | None = None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -100,12 +101,27 @@ def _leave_out_collisions(plant: MultibodyPlant, arm: ArmHandles) -> None:
         plant.ExcludeCollisionGeometriesWithCollisionFilterGroupPair(("arm", mine), group)
 
 
+def base_in_plane(scenario: Scenario) -> tuple[float, float, float, float]:
+    """Pose (x, y, z, yaw) [m, rad] of the arm's base in the frame of the motion.
+
+    The motion is planned in a vertical plane that `task.yaw` turns about the vertical axis through the start.  In the
+    frame that turns with it the motion is the planar one, and the arm's base is turned the other way.
+    """
+    x, y, z, yaw = scenario.arm.base_pose
+    turn, task = scenario.task.yaw, scenario.task
+    if turn == 0:
+        return x, y, z, yaw
+    c, s = math.cos(-turn), math.sin(-turn)
+    dx, dy = x - task.start_x, y - task.start_y
+    return task.start_x + c * dx - s * dy, task.start_y + s * dx + c * dy, z, yaw - turn
+
+
 def _arm_file(scenario: Scenario) -> ArmFile | None:
     arm = scenario.arm
     if arm.file is None:
         return None
     per_joint = {name: getattr(arm, name) for name in OWN_ARM}
-    return ArmFile(arm.file, arm.base, arm.flange, arm.base_pose, arm.mount_angle, **per_joint)
+    return ArmFile(arm.file, arm.base, arm.flange, arm.mount_angle, **per_joint)
 
 
 def _own_tool(file: str) -> str:
@@ -141,4 +157,5 @@ def _arm_options(scenario: Scenario) -> dict[str, Any]:
         "reflected_inertia_scales": arm.reflected_inertia_scales,
         "arm": _arm_file(scenario),
         "spatula": spatula,
+        "base_pose": base_in_plane(scenario),
     }

@@ -38,6 +38,10 @@ class Task(Section):
     start_y: float = quantity(0.0, "m", "start of the object (p: 0 to 0.14)")
     start_z: float = quantity(0.35, "m", "start of the object (H)")
     target_y: float = quantity(0.0, "m", "origin of y in the cost (5); the block shall land here (p)")
+    yaw: float = quantity(
+        0.0, "rad", "turn of the plane of motion, blade included, about the vertical axis through the start",
+        ge=-math.pi, le=math.pi,
+    )  # fmt: skip
     workspace_x: tuple[float, float] = quantity((0.35, 0.6), "m", "range of the plane of motion")
     workspace_y: tuple[float, float] = quantity((-0.35, 0.35), "m", "range of the object while on the tool")
     workspace_z: tuple[float, float] = quantity((0.15, 0.65), "m", "range of the object while on the tool")
@@ -210,6 +214,18 @@ class Scenario(Section):
     def with_overrides(self, overrides: Mapping[str, Any]) -> Scenario:
         """A copy with fields changed by path, {"controller.k_p": 400.0}; ScenarioError for a bad one."""
         return scenario_io.override(Scenario, self.model_dump(), overrides)
+
+    def between(self, start: tuple[float, float], target: tuple[float, float]) -> Scenario:
+        """A copy whose object starts at (x, y) [m] over the table and shall land at another (x, y): a motion in 3-D.
+
+        The plane of motion is turned so that it holds both.  Recordings are in the frame that turns with it, its y
+        along the plane; the start has the same numbers in both frames.
+        """
+        dx, dy = target[0] - start[0], target[1] - start[1]
+        sign = -1.0 if dy < 0 else 1.0
+        yaw = math.atan2(-sign * dx, sign * dy) if math.hypot(dx, dy) > 1e-6 else 0.0
+        fields = {"task.start_x": start[0], "task.start_y": start[1], "task.yaw": yaw}
+        return self.with_overrides(fields | {"task.target_y": start[1] + sign * math.hypot(dx, dy)})
 
     def to_yaml(self, comments: bool = False) -> str:
         """YAML that `from_yaml` reads back exactly; with comments, each field's text and unit."""

@@ -22,7 +22,7 @@ class Arm(Section):
     base: str = Field("base", description="link or frame of that file that stands on the ground")
     flange: str = Field("flange", description="link or frame that carries the spatula, its z axis pointing out")
     base_pose: tuple[float, float, float, float] = quantity(
-        (0.0, 0.0, 0.0, 0.0), "m, m, m, rad", "x, y, z and yaw of the base; another arm only"
+        (0.0, 0.0, 0.0, 0.0), "m, m, m, rad", "x, y, z and yaw of the arm's base"
     )
     mount_angle: float = quantity(0.0, "rad", "turn of the spatula about the flange's z axis; another arm only")
     home: tuple[float, ...] | None = quantity(
@@ -62,7 +62,7 @@ class Arm(Section):
             if values is not None and (not values or min(values) <= 0):
                 raise invalid(name, values, "a number above 0 for each joint, or null")
         if self.file is None:
-            for name in ("base", "flange", "base_pose", "mount_angle", *OWN_ARM):
+            for name in ("base", "flange", "mount_angle", *OWN_ARM):
                 if getattr(self, name) != type(self).model_fields[name].default:
                     raise invalid(name, getattr(self, name), "the default unless arm.file names another arm")
         return self

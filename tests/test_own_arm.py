@@ -82,10 +82,10 @@ def mjcf():
 FORMATS = {"arm.urdf": urdf, "arm.sdf": sdf, "arm.xml": mjcf}
 
 
-def arm_of(folder, name, **options):
+def arm_of(folder, name, base_pose=(0.0, 0.0, 0.0, 0.0), **options):
     (folder / name).write_text(FORMATS[name](), encoding="utf-8")
     own = ArmFile(str(folder / name), "base", "tcp", home=HOME, **({"mount_angle": np.pi} | LIMITS | options))
-    return ArmModel(arm=own, reflected_inertia_scale=1.0)
+    return ArmModel(arm=own, reflected_inertia_scale=1.0, base_pose=base_pose)
 
 
 @pytest.mark.parametrize("name", FORMATS)

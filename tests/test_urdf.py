@@ -11,7 +11,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
-from flipdiagram import assets
+from flipdiagram import arm_files, assets
 from flipdiagram.errors import ScenarioError
 
 FILES = ("mh3f.urdf", "spatula.urdf", "block.sdf", "table.sdf")
@@ -106,14 +106,14 @@ def test_rotor_inertia_times_ratio_squared_is_the_reflected_inertia():
 
 def test_home_lies_inside_the_limits_and_a_joint_without_it_gets_the_middle():
     text = text_of("mh3f.urdf")
-    for name, angle in assets.home_angles(text).items():
+    for name, angle in arm_files.home_angles(text).items():
         limit = ElementTree.fromstring(text).find(f"joint[@name='{name}']/limit")
         assert float(limit.get("lower")) < angle < float(limit.get("upper"))
     plain = re.sub(r' (?:home|rated_effort)="[^"]*"', "", text)
-    assert assets.home_angles(plain) is None
+    assert arm_files.home_angles(plain) is None
     some = re.sub(r' home="[^"]*"', "", text, count=2)
-    assert assets.home_angles(some)["L"] == pytest.approx(np.radians(2.5), abs=1e-5)
-    assert assets.rated_torques(plain)["L"] == 213.9
+    assert arm_files.home_angles(some)["L"] == pytest.approx(np.radians(2.5), abs=1e-5)
+    assert arm_files.rated_torques(plain)["L"] == 213.9
 
 
 def test_spatula_inertia_in_the_file_is_that_of_its_shape():
