@@ -14,7 +14,7 @@ from flipdiagram.grid import Grid
 from flipdiagram.report.claims import all_claims, claims_grid
 from flipdiagram.report.findings import border_sentences, fragile_sentence, kind_of, lead_sentence
 from flipdiagram.report.html import self_contained
-from flipdiagram.report.pages import EXPERIMENT_FIGURES, FREQUENCY_FIGURES
+from flipdiagram.report.pages import EXPERIMENT_FIGURES, FREQUENCY_FIGURES, PLACE_FIGURES
 from flipdiagram.report.sources import NOT_ASSUMED, model_grid, scenario_grid
 from flipdiagram.scenario import ARCHITECTURES, Scenario
 
@@ -79,6 +79,21 @@ def borders():
     return {"quick": True, "maps": [drawn()], "variations": [variation("as it is", []), variation("0.5 ms", ["pd+ff"])]}
 
 
+def replanning():
+    lost = {"success": False, "failure": "dropped at 0.3 s"}
+    kept = {"success": True, "failure": None, "landing_cost_J": 0.61, "position_rmse_m": 0.003, "max_slip_m": 0.0005}
+    runs = [{"case": "nothing", "way": "planned once", "architecture": n} | (kept if "dob" in n else lost) for n in ARCHITECTURES]
+    return {"runs": runs}
+
+
+def place():
+    run = {
+        "architecture": "pd+dob", "success": True, "failure": None, "distance_m": 0.004, "tilt_rad": 0.0, "touchdown_speed_m_s": 0.18,
+        "slid_m": 0.0189, "planned_slide_m": 0.018, "position_rmse_m": 0.0029,
+    }  # fmt: skip
+    return {"plan": {"tilt_rad": 1.11, "friction_angle_rad": 1.08}, "target_y_m": 0.1, "runs": [run]}
+
+
 @pytest.fixture
 def written(tmp_path, monkeypatch):
     """write(quick): the report of these summaries, its studies replaced by their files."""
@@ -96,6 +111,8 @@ def written(tmp_path, monkeypatch):
     monkeypatch.setattr(report, "_frequency", study("frequency", frequency, [name for name, _ in FREQUENCY_FIGURES]))
     monkeypatch.setattr(report, "_experiment", study("experiment", experiment, [name for name, _ in EXPERIMENT_FIGURES]))
     monkeypatch.setattr(report, "_borders", study("borders", borders, ["map_payload"]))
+    monkeypatch.setattr(report, "_replanning", study("replanning", replanning, []))
+    monkeypatch.setattr(report, "_place", study("place", place, [name for name, _ in PLACE_FIGURES]))
     return lambda quick=False: report.write_report(Scenario(), tmp_path, quick=quick)
 
 
@@ -138,7 +155,7 @@ def test_the_html_needs_no_other_file_and_no_network(written):
     made = written()
     html = made.html.read_text()
     sources = re.findall(r'\bsrc="([^"]*)"', html)
-    assert len(sources) == len(FREQUENCY_FIGURES) + len(EXPERIMENT_FIGURES) + 1
+    assert len(sources) == len(FREQUENCY_FIGURES) + len(EXPERIMENT_FIGURES) + len(PLACE_FIGURES) + 1
     assert all(source.startswith("data:image/png;base64,iVBOR") for source in sources)
     assert not re.findall(r'\bhref="(?!#)', html)
     assert not re.findall(r"<(?:script|link|iframe|object|embed)\b|url\(|@import", html)
@@ -149,6 +166,12 @@ def test_the_html_needs_no_other_file_and_no_network(written):
 def test_a_text_of_a_user_is_no_markup(tmp_path):
     html = self_contained("# a <b> & c\n\n<script>alert(1)</script>\n", tmp_path)
     assert "<script>" not in html and "<title>a &lt;b&gt; &amp; c</title>" in html
+
+
+def test_replanning_and_laying_down_have_their_tables(written):
+    text = written().markdown.read_text(encoding="utf-8")
+    assert "| nothing | planned once | dropped at 0.3 s | dropped at 0.3 s | **0.61**, 0.30 cm, 0.5 mm |" in text
+    assert "| `pd+dob` | laid down | 0.4 | 0.000 | 0.18 | 18.9 | 18.0 | 0.29 |" in text
 
 
 def test_a_quick_report_says_so(written):

@@ -8,6 +8,8 @@ from typing import Any
 from flipdiagram.border_tables import border_grid, variation_grid
 from flipdiagram.experiment_tables import engine_grid, engine_variants_grid, runs_grid
 from flipdiagram.frequency_tables import realisations_grid
+from flipdiagram.place_tables import place_grid
+from flipdiagram.replanning_tables import replanning_grid
 from flipdiagram.report.claims import claims_grid
 from flipdiagram.report.findings import border_sentences, fragile_sentence, lead_sentence
 from flipdiagram.report.sources import model_grid, scenario_grid
@@ -30,6 +32,15 @@ EXPERIMENT_FIGURES = (
     ("by_start", "Errors, torque and delay by start; open marks: the block was lost"),
     ("cone_use", "Friction cone used, planned and realised; at 1 the block slides"),
 )
+PLACE_FIGURES = (
+    ("contact_states", "Sliding angle, slide on the blade and contact states of eqs. (7)–(9) (the paper's Fig. 2)"),
+    ("path", "Paths of the tool and of the block"),
+)
+REPLANNING = (
+    "Disturbed flips with the plan made once, and with the rest of the motion planned again while the block is on the"
+    " blade: from the command, from the measured tool, and with a camera that sees where the block lies."
+)
+PLACE = "Beyond the paper: the block is let slide off the tilted blade, eq. (8), to lie flat within 2 cm of a target."
 QUICK = "> **A quick report**: coarse, two starts, few maps. Run `flipdiagram report` for the numbers to quote.\n"
 
 
@@ -59,6 +70,13 @@ def page(summary: Summary, studies: Mapping[str, Summary], scenario: Scenario) -
         _table(variation_grid(borders)),
         _table(engine_grid(experiment)),
         _table(engine_variants_grid(experiment)),
+        "## What planning again buys",
+        REPLANNING,
+        _table(replanning_grid(studies["replanning"])),
+        "## Laying the block down",
+        PLACE,
+        _table(place_grid(studies["place"])),
+        _pictures("place", PLACE_FIGURES),
         "## What is assumed",
         "Every field of the scenario; the studies above change only the fields that they name.",
         scenario_grid(scenario).markdown(),

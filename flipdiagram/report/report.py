@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flipdiagram import border_figures, experiment_figures, frequency_figures
+from flipdiagram import border_figures, experiment_figures, frequency_figures, place_figures
 from flipdiagram.files import write_atomically, write_summary
 from flipdiagram.frequency_tables import write_markdown
 from flipdiagram.report.claims import all_claims
 from flipdiagram.report.html import self_contained
 from flipdiagram.report.pages import page
 from flipdiagram.scenario import Scenario
-from flipdiagram.studies import borders, experiment, frequency
+from flipdiagram.studies import borders, experiment, frequency, place, replanning
 
 Progress = Callable[[str], None]
 
@@ -46,6 +46,8 @@ def write_report(
         "frequency": _frequency(scenario, folder / "frequency", quick, progress),
         "experiment": _experiment(scenario, folder / "experiment", quick, jobs, progress),
         "borders": _borders(scenario, folder / "borders", quick, jobs, progress),
+        "replanning": _replanning(scenario, folder / "replanning", quick, jobs, progress),
+        "place": _place(scenario, folder / "place", jobs, progress),
     }
     progress("writing the pages")
     body = {"quick": quick, "claims": all_claims(studies["frequency"], studies["experiment"]), **_excerpt(studies)}
@@ -82,6 +84,17 @@ def _borders(scenario: Scenario, out: Path, quick: bool, jobs: int | None, progr
     return found
 
 
+def _replanning(scenario: Scenario, out: Path, quick: bool, jobs: int | None, progress: Progress) -> dict[str, Any]:
+    replanning.run(scenario, out, quick=quick, jobs=jobs, progress=lambda text: progress(f"replanning: {text}"))
+    return json.loads((out / "summary.json").read_text(encoding="utf-8"))
+
+
+def _place(scenario: Scenario, out: Path, jobs: int | None, progress: Progress) -> dict[str, Any]:
+    result = place.run(scenario, out, jobs=jobs, progress=lambda text: progress(f"laying down: {text}"))
+    place_figures.write_figures(result)
+    return json.loads((out / "summary.json").read_text(encoding="utf-8"))
+
+
 def _excerpt(studies: dict[str, Any]) -> dict[str, Any]:
     """What a reader of the summary wants beside the claims, without the curves."""
     found = studies["frequency"]
@@ -92,4 +105,6 @@ def _excerpt(studies: dict[str, Any]) -> dict[str, Any]:
             key: studies["experiment"][key] for key in ("starts_y_m", "architectures", "runs", "second_engine")
         },
         "borders": {key: studies["borders"][key] for key in ("maps", "variations")},
+        "replanning": {"runs": studies["replanning"]["runs"]},
+        "place": {key: studies["place"][key] for key in ("plan", "target_y_m", "runs")},
     }
