@@ -1,6 +1,6 @@
 """Measures the speed of flipdiagram against its targets, prints it, and writes bench.json and bench.md.
 
-    python bench/run.py --out out/bench [--quick] [--only command frequency plan resolve simulation]
+    python bench/run.py --out out/bench [--quick] [--only command frequency plan resolve replan simulation]
 
 It measures, others judge: the exit code is 0 whatever the verdicts say.
 """
@@ -28,8 +28,8 @@ from bench import tables  # noqa: E402
 from bench.results import Section  # noqa: E402
 from flipdiagram import __version__  # noqa: E402
 
-REPETITIONS = {"command": 3, "frequency": 7, "plan": 7, "resolve": 6, "simulation": 5}
-"""How often each piece is measured, once with --quick; `resolve` solves all linearisations of a plan each time."""
+REPETITIONS = {"command": 3, "frequency": 7, "plan": 7, "resolve": 6, "replan": 7, "simulation": 5}
+"""How often each piece is measured, once with --quick; `resolve` and `replan` solve all linearisations each time."""
 BUSY = 0.5
 """Load average per core from which other work on the machine is mentioned."""
 
@@ -61,6 +61,12 @@ def _resolve(repetitions: int, quick: bool) -> Iterator[Section]:
     yield resolve.measure(repetitions)
 
 
+def _replan(repetitions: int, quick: bool) -> Iterator[Section]:
+    from bench import replan
+
+    yield from replan.sections(repetitions, quick)
+
+
 def _simulation(repetitions: int, quick: bool) -> Iterator[Section]:
     from bench import boxes, loop
     from flipdiagram.planning import plan_motion
@@ -76,6 +82,7 @@ PIECES: dict[str, Callable[[int, bool], Iterator[Section]]] = {
     "command": _command,  # first: Linux counts a parent's memory for its children, and this process is still small
     "plan": _plan,
     "resolve": _resolve,
+    "replan": _replan,
     "simulation": _simulation,
     "frequency": _frequency,  # last: the threads of what it imports stay
 }

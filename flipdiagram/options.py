@@ -21,11 +21,18 @@ EPILOG = (
 )
 
 
+class _Formatter(argparse.HelpFormatter):
+    """Names of commands and options beside their texts, not above them."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog, max_help_position=26)
+
+
 class _Parser(argparse.ArgumentParser):
     """argparse, but an error is one line like all others."""
 
     def __init__(self, **settings: Any) -> None:
-        super().__init__(**settings, allow_abbrev=False)
+        super().__init__(**settings, allow_abbrev=False, formatter_class=_Formatter)
 
     def error(self, message: str) -> NoReturn:
         raise ScenarioError(f"{message}; see `{self.prog} --help`")

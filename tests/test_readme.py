@@ -1,9 +1,12 @@
 """Every Python snippet of the README runs as printed."""
 
+import json
 import re
 from pathlib import Path
 
 import pytest
+
+from flipdiagram.report.claims import readme_block
 
 TEXT = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 SNIPPETS = re.findall(r"^```python\n(.*?)^```", TEXT, re.DOTALL | re.MULTILINE)
@@ -18,3 +21,20 @@ def test_a_snippet_runs_and_prints(snippet, capsys):
 def test_every_picture_of_the_readme_is_there():
     for name in re.findall(r"!\[[^]]*\]\(([^)]+)\)", TEXT):
         assert (Path(__file__).parents[1] / name).is_file()
+
+
+def test_the_table_of_claims_is_that_of_the_published_report():
+    summary = json.loads((Path(__file__).parents[1] / "docs" / "report" / "summary.json").read_text(encoding="utf-8"))
+    assert not summary["quick"] and summary["schema"] == "flipdiagram/report/1"
+    block = TEXT.split("<!-- report: begin -->\n")[1].split("<!-- report: end -->\n")[0]
+    assert block == readme_block(summary)
+
+
+def test_the_published_report_tells_the_same_as_its_summary():
+    """Every claim's row, and no picture that is missing."""
+    folder = Path(__file__).parents[1] / "docs" / "report"
+    summary, page = json.loads((folder / "summary.json").read_text()), (folder / "report.md").read_text(encoding="utf-8")
+    for entry in summary["claims"]:
+        assert f"| {entry['id']} |" in page
+    for name in re.findall(r"!\[[^]]*\]\(([^)]+)\)", page):
+        assert (folder / name).is_file(), name

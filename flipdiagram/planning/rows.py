@@ -26,21 +26,29 @@ class Rows:
         """Add a batch: terms are (columns, values) pairs that broadcast against `upper`, one row per element."""
         shape = np.broadcast_shapes(np.shape(upper), *(np.shape(c) for c, _ in terms), *(np.shape(v) for _, v in terms))
         size = int(np.prod(shape))
-        rows = self.count + np.arange(size)
-        for columns, values in terms:
-            self._rows.append(rows)
-            self._columns.append(np.broadcast_to(np.asarray(columns, dtype=np.int64), shape).ravel())
-            self._values.append(np.broadcast_to(np.asarray(values, dtype=float), shape).ravel())
+        every_column = np.empty((len(terms), *shape), dtype=np.int64)
+        every_value = np.empty((len(terms), *shape))
+        for i, (columns, values) in enumerate(terms):
+            every_column[i] = columns
+            every_value[i] = values
+        self._rows.append(np.tile(self.count + np.arange(size), len(terms)))
+        self._columns.append(every_column.ravel())
+        self._values.append(every_value.ravel())
         self._upper.append(np.broadcast_to(np.asarray(upper, dtype=float), shape).ravel())
         self._groups.append((group, size))
         self.count += size
 
+    def entries(self) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats, Floats]:
+        """Row, column and value of every entry of A, those of one place to be added up, and b (count,)."""
+        if not self._rows:
+            return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
+        rows, columns = np.concatenate(self._rows), np.concatenate(self._columns)
+        return rows, columns, np.concatenate(self._values), np.concatenate(self._upper)
+
     def matrix(self, columns: int) -> tuple[sp.csc_matrix, Floats]:
         """A (count, columns) and b (count,)."""
-        if not self._rows:
-            return sp.csc_matrix((0, columns)), np.zeros(0)
-        entries = (np.concatenate(self._values), (np.concatenate(self._rows), np.concatenate(self._columns)))
-        return sp.csc_matrix(entries, shape=(self.count, columns)), np.concatenate(self._upper)
+        rows, column, values, upper = self.entries()
+        return sp.csc_matrix((values, (rows, column)), shape=(self.count, columns)), upper
 
     def groups(self) -> list[str]:
         """The group of every row, in order."""
