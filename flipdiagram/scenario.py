@@ -104,8 +104,9 @@ class Planner(Section):
         None, "s", "a plan that took longer is dropped; null: none is (else results depend on the machine)", gt=0
     )
     blend_time: float = quantity(0.2, "s", "in which the command passes over to a new plan", gt=0)
-    solver: Literal["clarabel", "osqp", "scs", "ipopt", "snopt", "mosek", "gurobi"] = Field(
-        "clarabel", description="solver behind MathematicalProgram"
+    solver: Literal["clarabel", "osqp", "scs", "ipopt", "snopt", "mosek", "gurobi", "daqp"] = Field(
+        "clarabel",
+        description="solver behind MathematicalProgram; daqp: the condensed program (pip install flipdiagram[fast])",
     )
 
     @model_validator(mode="after")

@@ -12,9 +12,10 @@ from flipdiagram.contact import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import constraints, limits
 from flipdiagram.planning.constraints import Trajectory
+from flipdiagram.planning.engines import Program, make_program
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.model import LandingCost, flight
-from flipdiagram.planning.program import HorizonProgram, Solution
+from flipdiagram.planning.program import Solution
 from flipdiagram.planning.rows import Rows
 from flipdiagram.scenario import Scenario
 
@@ -69,15 +70,15 @@ class Convexification:
         self.cost = LandingCost(settings.alpha, settings.beta, task.target_y)
         self.allowed = limits.Allowed.of(arm, scenario)
         self.start = np.array([task.start_y, task.start_z, 0.0, 0.0, 0.0, 0.0])
-        self.shift = 0.0
+        self.shift, self._in_motion = 0.0, False
         self.program_times: list[float] = []
         self._program = self._build(())
-        self._elastic: HorizonProgram | None = None
+        self._elastic: Program | None = None
         self._q_start: Floats | None = None
 
-    def _build(self, elastic_groups: tuple[str, ...]) -> HorizonProgram:
+    def _build(self, elastic_groups: tuple[str, ...]) -> Program:
         settings = self.scenario.planner
-        return HorizonProgram(
+        return make_program(
             self.layout,
             settings.sampling_time,
             self.cost,
@@ -101,7 +102,7 @@ class Convexification:
         shift: how far the object sits from the middle of the blade along s [m].  Raises PlanningError where the arm
         cannot be there.
         """
-        self.start, self.shift = state, shift
+        self.start, self.shift, self._in_motion = state, shift, True
         tool = self._tool(state[None, :])[0]
         self._q_start = self.arm.inverse_kinematics(limits.task_pose(tool, self.scenario.task.start_x), q_seed)
 
@@ -161,7 +162,9 @@ class Convexification:
         motion = self._follow(point)
         first = layout.release - point.n_contact
         states, inputs = point.states[first:], point.inputs[first:]
-        limits.joint_rows(rows, layout, motion, states, inputs, self.arm, self.allowed, first)
+        limits.joint_rows(
+            rows, layout, motion, states, inputs, self.arm, self.allowed, first, given_start=self._in_motion
+        )
         return rows, motion
 
     def solve(self, point: Trajectory, trust: float, elastic: bool = False) -> tuple[Solution, limits.JointMotion]:

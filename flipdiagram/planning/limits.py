@@ -143,20 +143,21 @@ def _picked(k: Indices, j: Indices, columns: int, derivative: Callable[[int], Fl
 
 
 def joint_rows(rows: Rows, layout: Layout, motion: JointMotion, states: Floats, inputs: Floats,
-               arm: ArmModel, allowed: Allowed, first: int = 0) -> None:  # fmt: skip
+               arm: ArmModel, allowed: Allowed, first: int = 0, given_start: bool = False) -> None:  # fmt: skip
     """Rows that keep each joint's position, speed and torque inside what is allowed.
 
-    The motion starts at sample `first` of the layout.  Rows are divided by what is allowed, so a slack reads as the
-    fraction by which it is exceeded.
+    The motion starts at sample `first` of the layout; given_start: in motion, where no row could change its position and
+    speed.  Rows are divided by what is allowed, so a slack reads as the fraction by which it is exceeded.
     """
     middle, half, speed = allowed.middle, allowed.half, allowed.speed
-    k, j = np.nonzero(np.abs(motion.q - middle) > NEAR * half)
+    decided = np.arange(len(motion.q))[:, None] >= int(given_start)
+    k, j = np.nonzero((np.abs(motion.q - middle) > NEAR * half) & decided)
     p = motion.from_task[k, j] / half[j, None]
     here = (motion.q[k, j] - middle[j]) / half[j] - np.sum(p * states[k, :3], axis=-1)
     for sign in (1.0, -1.0):
         rows.add(POSITION, [(layout.x(first + k, c), sign * p[:, c]) for c in range(3)], 1 - sign * here)
 
-    k, j = np.nonzero(np.abs(motion.qd) > NEAR * speed)
+    k, j = np.nonzero((np.abs(motion.qd) > NEAR * speed) & decided)
     scale = np.sign(motion.qd[k, j]) / speed[j]
     by_pose = _picked(k, j, 3, lambda i: _speed_by_pose(arm, motion.q[i], states[i, 3:], motion.from_task[i]))
     g = np.hstack([by_pose, motion.from_task[k, j]]) * scale[:, None]
