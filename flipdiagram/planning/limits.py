@@ -146,8 +146,8 @@ def joint_rows(rows: Rows, layout: Layout, motion: JointMotion, states: Floats, 
                arm: ArmModel, allowed: Allowed, first: int = 0, given_start: bool = False) -> None:  # fmt: skip
     """Rows that keep each joint's position, speed and torque inside what is allowed.
 
-    The motion starts at sample `first` of the layout; given_start: in motion, where no row could change its position and
-    speed.  Rows are divided by what is allowed, so a slack reads as the fraction by which it is exceeded.
+    The motion starts at sample `first` of the layout; given_start: in motion, with position and speed that no row could
+    change.  Rows are divided by what is allowed, so a slack reads as the fraction by which it is exceeded.
     """
     middle, half, speed = allowed.middle, allowed.half, allowed.speed
     decided = np.arange(len(motion.q))[:, None] >= int(given_start)
