@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -23,7 +24,7 @@ class Workers:
 
     def __init__(self, jobs: int | None = None) -> None:
         self._pool = ProcessPoolExecutor(
-            jobs or os.cpu_count(), multiprocessing.get_context("spawn"), initializer=_ignore_interrupts
+            jobs or os.cpu_count(), multiprocessing.get_context("spawn"), initializer=_begin
         )
 
     def __enter__(self) -> Workers:
@@ -54,6 +55,15 @@ class Workers:
             raise SimulationError("a worker process ended unexpectedly (out of memory?)") from None
 
 
-def _ignore_interrupts() -> None:
+def _begin() -> None:
     # Ctrl-C reaches the whole process group; the parent decides what becomes of the workers
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _end_with(parent: Any) -> None:
+    # a parent that is killed cannot tell its workers
+    parent.join()
+    os._exit(1)
