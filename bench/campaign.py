@@ -38,9 +38,9 @@ limit_hours: 10
 MILLION, CLUSTER = 1_000_000, 1000
 TEXT = (
     "A campaign of the default flip under pd+ff+dob, four parameters drawn by Sobol, into SQLite, from its first flip"
-    " to its last: without the start of Python, of the workers, and the one plan. Overhead: what the driver computes for a"
-    " flip (drawing, checking, sending, writing) and what passes between the end of one flip and the beginning of the"
-    " next on a worker, over the flip itself."
+    " to its last: without the start of Python, of the workers, and the one plan. Overhead: what the driver computes"
+    " for a flip (drawing, checking, sending, writing) and what passes between the end of one flip and the beginning"
+    " of the next on a worker, over the flip itself."
 )
 MEMORY_TEXT = (
     "Resident memory of a worker over its flips; a worker is replaced by a new one after its share, since Drake never"
@@ -70,6 +70,10 @@ def sections(repetitions: int, quick: bool) -> Iterator[Section]:
     section.add("start: import, check, workers, plan", [run["start"] for run in runs[1]])
     for name in ("build", "simulate", "measure"):
         section.add(f"of a flip: {name}", [run[name] for run in runs[1]], indent=1)
+    cost = {jobs: statistics.median(run["processor"] for run in found) for jobs, found in runs.items()}
+    section.add("two / one if nothing else ran: by processor time", [2 * cost[1] / cost[2]], "x")
+    section.add("processor time of a flip, one process", [cost[1]])
+    section.add("processor time of a flip, two processes", [cost[2]])
     section.checks.append(on_paper(whole.median, statistics.median(run["driver"] for run in runs[1])))
     same = len({run["digest"] for found in runs.values() for run in found}) == 1
     section.checks.append(f"all rows of one and of two processes {'are the same' if same else 'are NOT the same'}")
@@ -118,13 +122,18 @@ def campaign(jobs: int, trials: int, short: bool) -> dict[str, Any]:
     driver: list[int] = []
     clock: list[tuple[float, float]] = []
     begun: set[int] = set()
+    spent: dict[int, float] = {}
+    before: dict[int, float] = {}
 
     def look(progress: str) -> None:
         clock.append((time.perf_counter(), time.process_time()))
         for pid in children.children():
             begun.add(pid)
             seen.append((pid, _resident(pid)))
+            spent[pid] = _processor(pid)
         driver.append(_resident(os.getpid()))
+        if len(clock) == 2:  # the first flip has ended
+            before.update(spent)
 
     with tempfile.TemporaryDirectory() as folder:
         specification = from_text(text)
@@ -144,6 +153,7 @@ def campaign(jobs: int, trials: int, short: bool) -> dict[str, Any]:
         "pace": count / steady,
         "flip": statistics.fmean(flips),
         "gap": max(jobs * steady / count - statistics.fmean(flips[1:]), 0.0),
+        "processor": (sum(spent.values()) - sum(before.values())) / count,
         "driver": (clock[-1][1] - first[1]) / count,
         "row": row_time,
         "start": first[0] - begin - flips[0],
@@ -204,6 +214,16 @@ def _resident(pid: int) -> int:
             return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except OSError:
         return 0
+
+
+def _processor(pid: int) -> float:
+    """Processor time of a process so far [s], 0 where it has ended."""
+    try:
+        with open(f"/proc/{pid}/stat", encoding="ascii") as file:
+            fields = file.read().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    except OSError:
+        return 0.0
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ from bench import tables  # noqa: E402
 from bench.results import Section  # noqa: E402
 from flipdiagram import __version__  # noqa: E402
 
-REPETITIONS = {"command": 3, "frequency": 7, "plan": 7, "resolve": 6, "replan": 7, "simulation": 5}
+REPETITIONS = {"campaign": 1, "command": 3, "frequency": 7, "plan": 7, "resolve": 6, "replan": 7, "simulation": 5}
 """How often each piece is measured, once with --quick; `resolve` and `replan` solve all linearisations each time."""
 BUSY = 0.5
 """Load average per core from which other work on the machine is mentioned."""
@@ -78,12 +78,19 @@ def _simulation(repetitions: int, quick: bool) -> Iterator[Section]:
     yield boxes.measure(scenario, motion, repetitions)
 
 
+def _campaign(repetitions: int, quick: bool) -> Iterator[Section]:
+    from bench import campaign
+
+    yield from campaign.sections(repetitions, quick)
+
+
 PIECES: dict[str, Callable[[int, bool], Iterator[Section]]] = {
     "command": _command,  # first: Linux counts a parent's memory for its children, and this process is still small
     "plan": _plan,
     "resolve": _resolve,
     "replan": _replan,
     "simulation": _simulation,
+    "campaign": _campaign,
     "frequency": _frequency,  # last: the threads of what it imports stay
 }
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from flipdiagram.campaign.analysis import analyse
+from flipdiagram.campaign.conduct import FILE
 from flipdiagram.campaign.dataset import load_dataset
 from flipdiagram.campaign_figures import plot_tuning, write_figures
 from flipdiagram.campaign_tables import section, tuning_section
@@ -38,3 +39,14 @@ def write_tuning(tuning: dict[str, Any], base: Scenario, out: str | Path) -> dic
     write_atomically(out / "tuning.md", text)
     summary: dict[str, Any] = json.loads(written.read_text(encoding="utf-8"))
     return summary
+
+
+def report_section(folder: Path, name: str = "campaign") -> str:
+    """What the reproduction report shows of a campaign, and of tuned gains, below `folder`/`name`; '' without them."""
+    out, parts = folder / name, []
+    if (out / FILE).is_file():
+        parts.append(section(write_analysis(out / FILE, out), name))
+    if (out / "tuning.json").is_file():
+        tuning = json.loads((out / "tuning.json").read_text(encoding="utf-8"))
+        parts.append(f"{tuning_section(tuning)}\n![Search and verdict of the tuner]({name}/tuning.png)\n")
+    return "\n".join(parts)

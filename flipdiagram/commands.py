@@ -185,6 +185,13 @@ def place(arguments: argparse.Namespace, scenario: Scenario) -> None:
         print(f"written to {out}")
 
 
+def campaign(arguments: argparse.Namespace, scenario: Scenario) -> None:
+    """How often it works."""
+    from flipdiagram.campaign_commands import campaign
+
+    campaign(arguments, scenario)
+
+
 def report(arguments: argparse.Namespace, scenario: Scenario) -> None:
     """Every claim, measured, in one page."""
     out = check_output_directory(arguments.out)

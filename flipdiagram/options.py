@@ -10,8 +10,8 @@ from typing import Any, NoReturn
 from flipdiagram.errors import ScenarioError
 
 COMMANDS = (
-    "plan", "flip", "frequency", "experiment", "borders", "replanning", "place", "report", "diagram", "info",
-    "scenario", "completion",
+    "plan", "flip", "frequency", "experiment", "borders", "replanning", "place", "campaign", "report",
+    "diagram", "info", "scenario", "completion",
 )  # fmt: skip
 FORMATS = ("dot", "svg", "png", "mermaid")
 SHORT = {"--start-y": "task.start_y"}
@@ -90,6 +90,19 @@ def parser() -> argparse.ArgumentParser:
     _architectures_option(place)
     place.add_argument("--no-replay", action="store_true", help="no replay.html")
     _jobs_option(place)
+
+    campaign = add("campaign", "Fly thousands of uncertain flips: how often does each work?", "out/campaign")
+    campaign.add_argument("file", nargs="?", metavar="FILE", help="the campaign as YAML, see examples/campaign.yaml")
+    campaign.add_argument("--resume", action="store_true", help="go on with what --out holds: fly what is missing")
+    campaign.add_argument("--scheduler", metavar="ADDRESS", help="a Dask scheduler, such as tcp://127.0.0.1:8786")
+    campaign.add_argument("--yes", action="store_true", help="even if it takes longer than limit_hours")
+    campaign.add_argument("--any-version", action="store_true", help="go on although code or versions have changed")
+    campaign.add_argument("--tune", action="store_true", help="search the gains of the file's section `tune` instead")
+    campaign.add_argument("--watch", type=Path, metavar="FILE", help="show a running campaign.sqlite")
+    campaign.add_argument("--analyse", type=Path, metavar="FILE", help="analyse a campaign.sqlite again into --out")
+    text = "write a campaign.sqlite as .csv, .parquet or .nc"
+    campaign.add_argument("--export", type=Path, nargs=2, metavar=("FILE", "TO"), help=text)
+    _jobs_option(campaign)
 
     report = add("report", "Run or reuse all studies; every claim measured, on one page.", "out/report")
     report.add_argument("--quick", action="store_true", help="under two minutes: coarse, two starts, few maps")

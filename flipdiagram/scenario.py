@@ -106,7 +106,7 @@ class Planner(Section):
     blend_time: float = quantity(0.2, "s", "in which the command passes over to a new plan", gt=0)
     solver: Literal["clarabel", "osqp", "scs", "ipopt", "snopt", "mosek", "gurobi", "daqp"] = Field(
         "clarabel",
-        description="solver behind MathematicalProgram; daqp: the condensed program (pip install flipdiagram[fast])",
+        description="solver behind MathematicalProgram; daqp: the condensed program, of the extra `fast`",
     )
 
     @model_validator(mode="after")

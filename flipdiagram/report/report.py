@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flipdiagram import border_figures, experiment_figures, frequency_figures, place_figures
+from flipdiagram import border_figures, campaign_report, experiment_figures, frequency_figures, place_figures
 from flipdiagram.files import write_atomically, write_summary
 from flipdiagram.frequency_tables import write_markdown
 from flipdiagram.report.claims import all_claims
@@ -53,7 +53,7 @@ def write_report(
     body = {"quick": quick, "claims": all_claims(studies["frequency"], studies["experiment"]), **_excerpt(studies)}
     written = write_summary(folder / "summary.json", "report", scenario, body)
     summary = json.loads(written.read_text(encoding="utf-8"))
-    text = page(summary, studies, scenario)
+    text = page(summary, studies, scenario, campaign_report.report_section(folder))
     markdown = write_atomically(folder / "report.md", text)
     html = write_atomically(folder / "report.html", self_contained(text, folder))
     return Report(summary, html, markdown)

@@ -1,0 +1,133 @@
+"""What a campaign says: success rates and their differences, failures, what matters, maps, quantiles."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from flipdiagram.campaign.dataset import parameters_of
+from flipdiagram.campaign.modes import MODES, NOT_PHYSICS, SATURATED
+from flipdiagram.campaign.sensitivity import TARGETS, chance, groups_of, sensitivities, sobol, strength
+from flipdiagram.campaign.statistics import holm, mcnemar, paired_difference, wilson
+
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+MEASURED = ("position_rmse_m", "angle_rmse_rad", "acceleration_rmse_m_s2", "torque_use", "max_slip_m")
+"""Metrics of which quantiles are given, over all flips that flew, whether they succeeded or not."""
+PER_CELL = 8
+"""Trials that a cell of a map should have on average."""
+MOST_CELLS = 8
+
+
+def analyse(data: xr.Dataset) -> dict[str, Any]:
+    """All of it as plain data, the body of summary.json; of a campaign that runs, what is there so far."""
+    names = [str(name) for name in data["architecture"].values]
+    return {
+        "trials": int(data.attrs["trials"]),
+        "flips": int((data["outcome"] != "").sum()),
+        "sampler": data.attrs["sampler"],
+        "parameters": parameters_of(data),
+        "architectures": {name: _architecture(data.sel(architecture=name)) for name in names},
+        "pairs": _pairs(data, names),
+        "sensitivity": {name: {target: sensitivities(data, name, target) for target in TARGETS} for name in names},
+        "chance": chance(int(data.sizes["trial"])),
+        "sobol": {name: found for name in names if (found := sobol(data, name)) is not None},
+        "map": success_map(data, names),
+    }
+
+
+def _counted(part: xr.Dataset) -> np.ndarray:
+    return ((part["outcome"] != "") & ~part["outcome"].isin(NOT_PHYSICS)).values
+
+
+def _architecture(part: xr.Dataset) -> dict[str, Any]:
+    counted = _counted(part)
+    won, n = int(part["success"].values[counted].sum()), int(counted.sum())
+    low, high = wilson(won, n)
+    outcomes = part["outcome"].values
+    torque = part["torque_use"].values
+    flew = np.isfinite(torque)
+    return {
+        "flips": int((outcomes != "").sum()),
+        "counted": n,
+        "successes": won,
+        "rate": won / n if n else None,
+        "low": low,
+        "high": high,
+        "modes": {mode: int((outcomes == mode).sum()) for mode in MODES if (outcomes == mode).any()},
+        "saturated": float((torque[flew] >= SATURATED).mean()) if flew.any() else None,
+        "quantiles": {name: _quantiles(part[name].values) for name in MEASURED},
+    }
+
+
+def _quantiles(values: np.ndarray) -> dict[str, float] | None:
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        return None
+    return {f"{q:g}": float(x) for q, x in zip(QUANTILES, np.quantile(finite, QUANTILES), strict=True)}
+
+
+def _pairs(data: xr.Dataset, names: list[str]) -> list[dict[str, Any]]:
+    """Every two architectures over the trials that count for both."""
+    found: list[dict[str, Any]] = []
+    for one, other in itertools.combinations(names[::-1], 2):
+        a, b = data.sel(architecture=one), data.sel(architecture=other)
+        counted = _counted(a) & _counted(b)
+        won_a, won_b = a["success"].values[counted], b["success"].values[counted]
+        both, first = int((won_a & won_b).sum()), int((won_a & ~won_b).sum())
+        second, neither = int((~won_a & won_b).sum()), int((~won_a & ~won_b).sum())
+        difference, low, high = paired_difference(both, first, second, neither)
+        found.append(
+            {
+                "first": one, "second": other, "trials": int(counted.sum()), "first_only": first, "second_only": second,
+                "difference": difference, "low": low, "high": high, "p": mcnemar(first, second),
+            }
+        )  # fmt: skip
+    for entry, adjusted in zip(found, holm([entry["p"] for entry in found]), strict=True):
+        entry["p_holm"] = adjusted
+    return found
+
+
+def most_important(data: xr.Dataset, names: list[str]) -> list[str]:
+    """The parameters by what they say about success, averaged over the architectures."""
+    total = dict.fromkeys(parameters_of(data), 0.0)
+    for name in names:
+        for entry in sensitivities(data, name, "success"):
+            total[entry["parameter"]] += strength(entry)
+    return sorted(total, key=lambda parameter: -total[parameter])
+
+
+def success_map(data: xr.Dataset, names: list[str]) -> dict[str, Any] | None:
+    """Success over the two parameters that matter most; None with fewer than two."""
+    chosen = most_important(data, names)[:2]
+    if len(chosen) < 2 or not data.sizes["trial"]:
+        return None
+    cells = int(np.clip(np.sqrt(data.sizes["trial"] / PER_CELL), 2, MOST_CELLS))
+    x, y = (_axis(data[name].values, cells) for name in chosen)
+    found: dict[str, Any] = {}
+    for name in names:
+        part = data.sel(architecture=name)
+        counted, won = _counted(part), part["success"].values
+        shape = (len(y["values"]), len(x["values"]))
+        trials, successes = np.zeros(shape, dtype=int), np.zeros(shape, dtype=int)
+        np.add.at(trials, (y["index"][counted], x["index"][counted]), 1)
+        np.add.at(successes, (y["index"][counted], x["index"][counted]), won[counted].astype(int))
+        found[name] = {"trials": trials.tolist(), "successes": successes.tolist()}
+    x, y = ({"parameter": name} | axis for name, axis in zip(chosen, (x, y), strict=True))
+    del x["index"], y["index"]
+    return {"x": x, "y": y, "architectures": found}
+
+
+def _axis(values: np.ndarray, cells: int) -> dict[str, Any]:
+    """The cell of each trial, and what the cells are: single values where there are few, else ranges."""
+    distinct = np.unique(values)
+    if values.dtype.kind != "f":
+        return {"index": groups_of(values), "values": [str(value) for value in distinct], "edges": None}
+    if len(distinct) <= max(cells, MOST_CELLS):
+        return {"index": np.searchsorted(distinct, values), "values": distinct.tolist(), "edges": None}
+    edges = np.unique(np.quantile(values, np.linspace(0, 1, cells + 1)))
+    index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+    middle = 0.5 * (edges[:-1] + edges[1:])
+    return {"index": index, "values": middle.tolist(), "edges": edges.tolist()}

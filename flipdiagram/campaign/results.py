@@ -1,0 +1,162 @@
+"""What is kept of a campaign: one row per trial and architecture in SQLite, committed when it ends."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from flipdiagram.errors import ScenarioError
+
+SCHEMA = """
+CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE plans (key TEXT PRIMARY KEY, plan BLOB, error TEXT);
+CREATE TABLE trials (
+    trial INTEGER NOT NULL, architecture TEXT NOT NULL, outcome TEXT NOT NULL, failure TEXT, seed INTEGER NOT NULL,
+    scenario_hash TEXT NOT NULL, overrides TEXT NOT NULL, "values" TEXT NOT NULL, metrics TEXT, plan TEXT,
+    code TEXT NOT NULL, versions TEXT NOT NULL, seconds REAL NOT NULL, host TEXT NOT NULL, attempts INTEGER NOT NULL,
+    finished REAL NOT NULL, PRIMARY KEY (trial, architecture)
+) WITHOUT ROWID;
+"""
+CIRCUMSTANCES = ("seconds", "host", "attempts", "finished")
+"""Columns that tell how a row came about; the others do not depend on workers, order or engine."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One flip that has ended; the mappings are plain data."""
+
+    trial: int
+    architecture: str
+    outcome: str
+    """One of `modes.MODES`."""
+    failure: str | None
+    seed: int
+    scenario_hash: str
+    overrides: Mapping[str, Any]
+    values: Sequence[Any]
+    """Of the dimensions, in their order."""
+    metrics: Mapping[str, Any] | None
+    plan: Mapping[str, Any] | None
+    """The plan's summary."""
+    code: str
+    versions: Mapping[str, str]
+    seconds: float
+    host: str
+    attempts: int
+    finished: float
+    """Seconds since 1970."""
+
+    def content(self) -> dict[str, Any]:
+        """What does not depend on where and when it ran."""
+        return {name: value for name, value in asdict(self).items() if name not in CIRCUMSTANCES}
+
+
+COLUMNS = tuple(field.name for field in fields(Row))
+_JSON = ("overrides", "values", "metrics", "plan", "versions")
+_NAMES = ", ".join(f'"{name}"' for name in COLUMNS)
+
+
+class Results:
+    """The file of one campaign, opened by `opening.begun` to write or by `opening.opened` to read.
+
+    Raises ScenarioError, naming the file, where it is damaged, of a newer version, locked, or the disk is full.
+    """
+
+    def __init__(self, path: Path, database: sqlite3.Connection) -> None:
+        self.path = path
+        self._database = database
+
+    def meta(self) -> dict[str, str]:
+        """Specification, its digest, versions, and when it was begun."""
+        return dict(self._all("SELECT key, value FROM meta"))
+
+    def specification(self) -> dict[str, Any]:
+        """What decides the results, as `Specification.as_dict` gave it."""
+        return json.loads(self.meta()["specification"])
+
+    def done(self) -> dict[tuple[int, str], str]:
+        """(trial, architecture) → hash of its scenario, of all rows."""
+        return {(t, a): h for t, a, h in self._all("SELECT trial, architecture, scenario_hash FROM trials")}
+
+    def counts(self) -> list[tuple[str, str, int]]:
+        """(architecture, outcome, number of rows)."""
+        return self._all("SELECT architecture, outcome, count(*) FROM trials GROUP BY architecture, outcome")
+
+    def pace(self, last: int = 200) -> tuple[int, float, float]:
+        """Of the last rows: how many, over which time [s], and when the last one ended [s since 1970]."""
+        query = "SELECT count(*), max(finished) - min(finished), max(finished) FROM"
+        rows = self._all(f"{query} (SELECT finished FROM trials ORDER BY finished DESC LIMIT ?)", (last,))
+        count, seconds, latest = rows[0]
+        return count, seconds or 0.0, latest or 0.0
+
+    def rows(self) -> Iterator[Row]:
+        """All rows by trial, then architecture."""
+        for values in self._each(f"SELECT {_NAMES} FROM trials ORDER BY trial, architecture"):
+            data = dict(zip(COLUMNS, values, strict=True))
+            data |= {name: None if data[name] is None else json.loads(data[name]) for name in _JSON}
+            yield Row(**data)
+
+    def plan(self, key: str) -> tuple[str | None, str | None] | None:
+        """(plan as JSON, None) or (None, why there is none); None where it is not known."""
+        found = self._all("SELECT plan, error FROM plans WHERE key = ?", (key,))
+        if not found:
+            return None
+        plan, error = found[0]
+        return None if plan is None else zlib.decompress(plan).decode(), error
+
+    def put_plan(self, key: str, plan: str | None, error: str | None) -> None:
+        """Keep a plan or the reason why there is none."""
+        packed = None if plan is None else zlib.compress(plan.encode())
+        with errors(self.path):
+            self._database.execute("INSERT INTO plans VALUES (?, ?, ?)", (key, packed, error))
+
+    def put(self, rows: Sequence[Row]) -> None:
+        """Keep rows, on the disk when this returns."""
+        places = ", ".join("?" * len(COLUMNS))
+        with errors(self.path), transaction(self._database):
+            for row in rows:
+                data = {name: getattr(row, name) for name in COLUMNS}
+                data |= {name: None if data[name] is None else to_json(data[name]) for name in _JSON}
+                self._database.execute(f"INSERT INTO trials ({_NAMES}) VALUES ({places})", tuple(data.values()))
+
+    def _all(self, query: str, values: tuple[Any, ...] = ()) -> list[Any]:
+        return list(self._each(query, values))
+
+    def _each(self, query: str, values: tuple[Any, ...] = ()) -> Iterator[Any]:
+        with errors(self.path):
+            yield from self._database.execute(query, values)
+
+
+@contextmanager
+def transaction(database: sqlite3.Connection) -> Iterator[None]:
+    """All of it or nothing, on the disk when it ends."""
+    database.execute("BEGIN IMMEDIATE")
+    try:
+        yield
+    except BaseException:
+        if database.in_transaction:
+            database.execute("ROLLBACK")
+        raise
+    database.execute("COMMIT")
+
+
+@contextmanager
+def errors(path: Path) -> Iterator[None]:
+    """What SQLite and the file system say, as a ScenarioError that names the file."""
+    try:
+        yield
+    except (sqlite3.Error, OSError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        message = f"'{path}' cannot be used: {reason}; valid is a writable file of a campaign, or none"
+        raise ScenarioError(message) from None
+
+
+def to_json(data: Any) -> str:
+    """Text that is the same for the same data."""
+    return json.dumps(data, sort_keys=True, ensure_ascii=False)

@@ -1,0 +1,101 @@
+"""Which parameter matters: by ranks from any sample, and Sobol indices where the sampler was made for them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import rankdata, sobol_indices, spearmanr
+
+from flipdiagram.campaign.dataset import parameters_of
+from flipdiagram.campaign.modes import NOT_PHYSICS
+
+FEWEST = 8
+"""Trials below which nothing is said."""
+BINS = 5
+"""Into which a parameter's range is cut to see effects that are not monotonic."""
+TARGETS = ("success", "position_rmse_m", "torque_use")
+
+Floats = NDArray[np.float64]
+
+
+def sensitivities(data: xr.Dataset, architecture: str, target: str) -> list[dict[str, Any]]:
+    """For each parameter what it says about a target, the strongest first.
+
+    rho: Spearman's rank correlation with its p-value (null for a parameter that is no number, or a target that never
+    varies); explained: share of the variance of the target's ranks that goes with the parameter, corrected for chance.
+    """
+    part = data.sel(architecture=architecture)
+    counted = (part["outcome"] != "") & ~part["outcome"].isin(NOT_PHYSICS)
+    wanted = np.asarray(part[target].values, dtype=float)
+    counted = counted.values & np.isfinite(wanted)
+    found = []
+    for name in parameters_of(data):
+        values = part[name].values[counted]
+        entry = {"parameter": name} | _one(values, wanted[counted])
+        found.append(entry)
+    return sorted(found, key=lambda entry: -strength(entry))
+
+
+def strength(entry: Mapping[str, Any]) -> float:
+    """By which parameters are ordered: the larger of rho² and the share explained."""
+    return max((entry["rho"] or 0.0) ** 2, entry["explained"] or 0.0)
+
+
+def chance(trials: int) -> float:
+    """Share of the variance of ranks that a parameter without any effect stays below in 95 % of campaigns."""
+    return min(3.84 / max(trials - 1, 1), 1.0)
+
+
+def _one(values: np.ndarray, target: Floats) -> dict[str, Any]:
+    nothing = {"rho": None, "p": None, "explained": None}
+    if len(target) < FEWEST or np.ptp(target) == 0 or len(set(values.tolist())) < 2:
+        return nothing
+    found: dict[str, Any] = dict(nothing, explained=explained(groups_of(values), target))
+    if values.dtype.kind == "f":
+        result = spearmanr(values, target)
+        found |= {"rho": float(result.statistic), "p": float(result.pvalue)}
+    return found
+
+
+def groups_of(values: np.ndarray) -> NDArray[np.int64]:
+    """The group of each value: itself where there are few, else its fifth of the range of ranks."""
+    distinct, index = np.unique(values, return_inverse=True)
+    if len(distinct) <= BINS or values.dtype.kind != "f":
+        return np.asarray(index, dtype=np.int64)
+    ranks = (rankdata(values) - 0.5) / len(values)
+    return np.minimum((ranks * BINS).astype(np.int64), BINS - 1)
+
+
+def explained(groups: NDArray[np.int64], target: ArrayLike) -> float:
+    """Share of the variance of the target's ranks between groups, less what chance would give (ε² of Kelley)."""
+    ranks = rankdata(target)
+    n, members = len(ranks), [ranks[groups == group] for group in np.unique(groups)]
+    total = float(np.sum((ranks - ranks.mean()) ** 2))
+    within = sum(float(np.sum((part - part.mean()) ** 2)) for part in members)
+    freedom = n - len(members)
+    if total == 0 or freedom <= 0:
+        return 0.0
+    return max(1 - (within / freedom) / (total / (n - 1)), 0.0)
+
+
+def sobol(data: xr.Dataset, architecture: str) -> list[dict[str, Any]] | None:
+    """First and total Sobol indices of success; None unless every trial of a saltelli campaign counts."""
+    names = parameters_of(data)
+    if data.attrs["sampler"] != "saltelli" or data.sizes["trial"] != data.attrs["trials"]:
+        return None
+    part = data.sel(architecture=architecture)
+    if bool(((part["outcome"] == "") | part["outcome"].isin(NOT_PHYSICS)).any()):
+        return None
+    won = part["success"].values.astype(float)
+    n = len(won) // (len(names) + 2)
+    if np.ptp(won) == 0 or not math.log2(n).is_integer():
+        return None
+    blocks = won.reshape(len(names) + 2, 1, n)
+    found = sobol_indices(func={"f_A": blocks[0], "f_B": blocks[1], "f_AB": blocks[2:]}, n=n)
+    indices = zip(names, np.ravel(found.first_order), np.ravel(found.total_order), strict=True)
+    return [{"parameter": name, "first": float(first), "total": float(total)} for name, first, total in indices]

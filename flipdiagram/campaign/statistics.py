@@ -1,0 +1,60 @@
+"""Rates and differences with their uncertainty: pure functions of counts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from scipy.special import ndtri
+from scipy.stats import binomtest
+
+LEVEL = 0.95
+"""Confidence of every interval."""
+
+
+def wilson(successes: int, trials: int, level: float = LEVEL) -> tuple[float, float]:
+    """Wilson's score interval of a rate (1927); (0, 1) without trials."""
+    if trials == 0:
+        return 0.0, 1.0
+    z, p = float(ndtri(0.5 + level / 2)), successes / trials
+    centre = p + z * z / (2 * trials)
+    half = z * math.sqrt(p * (1 - p) / trials + z * z / (4 * trials * trials))
+    low, high = ((centre + sign * half) / (1 + z * z / trials) for sign in (-1, 1))
+    return (0.0 if successes == 0 else low), (1.0 if successes == trials else high)
+
+
+def paired_difference(both: int, first: int, second: int, neither: int) -> tuple[float, float, float]:
+    """Difference of two success rates of the same trials, first minus second, and its 95 % interval.
+
+    Arguments: trials in which both, only the first, only the second, neither succeeded.  Newcombe's method 10
+    (Statistics in Medicine 17, 1998, 2635): Wilson's intervals combined, with the correlation of the pairs.
+    """
+    n = both + first + second + neither
+    if n == 0:
+        return 0.0, -1.0, 1.0
+    p1, p2 = (both + first) / n, (both + second) / n
+    (l1, u1), (l2, u2) = wilson(both + first, n), wilson(both + second, n)
+    product = float(both + first) * (second + neither) * (both + second) * (first + neither)
+    cross = float(both * neither - first * second)
+    if cross > 0:
+        cross = max(cross - n / 2, 0.0)
+    phi = cross / math.sqrt(product) if product else 0.0
+    below = (p1 - l1) ** 2 - 2 * phi * (p1 - l1) * (u2 - p2) + (u2 - p2) ** 2
+    above = (u1 - p1) ** 2 - 2 * phi * (u1 - p1) * (p2 - l2) + (p2 - l2) ** 2
+    difference = p1 - p2
+    return difference, difference - math.sqrt(max(below, 0.0)), difference + math.sqrt(max(above, 0.0))
+
+
+def mcnemar(first: int, second: int) -> float:
+    """Exact p-value that as many pairs are won by the first alone as by the second alone."""
+    return float(binomtest(first, first + second, 0.5).pvalue) if first + second else 1.0
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Adjusted for having looked at all of them (Holm 1979)."""
+    order = sorted(range(len(p_values)), key=lambda k: p_values[k])
+    adjusted, largest = [0.0] * len(p_values), 0.0
+    for rank, k in enumerate(order):
+        largest = max(largest, min((len(p_values) - rank) * p_values[k], 1.0))
+        adjusted[k] = largest
+    return adjusted

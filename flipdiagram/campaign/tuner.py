@@ -1,0 +1,214 @@
+"""Gains that work most often: a search by optuna over the trials of a campaign, judged on trials it has not seen."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flipdiagram.campaign.engine import Engine
+from flipdiagram.campaign.engines import engine
+from flipdiagram.campaign.modes import SUCCESS, mode_of
+from flipdiagram.campaign.running import WORK, Job, fly_all
+from flipdiagram.campaign.specification import Specification, value_of
+from flipdiagram.campaign.statistics import mcnemar, paired_difference, wilson
+from flipdiagram.campaign.tuning import Goal, Tune
+from flipdiagram.campaign.work import Landed, Planned, Work
+from flipdiagram.errors import ScenarioError
+from flipdiagram.studies.flips import Flip, Outcome
+from flipdiagram.studies.store import Store
+
+BATCH = 4
+"""Sets of gains tried at a time: the search is the same on any number of workers."""
+STARTUP = 8
+"""Sets drawn at random before the search learns."""
+
+Gains = Mapping[str, Any]
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A set of gains and what became of the trials under it."""
+
+    gains: Gains
+    outcomes: tuple[Outcome, ...]
+    goal: Goal
+
+    @property
+    def won(self) -> list[bool]:
+        """Whether the block was turned over, by trial."""
+        return [mode_of(outcome.failure, outcome.metrics) == SUCCESS for outcome in self.outcomes]
+
+    @property
+    def score(self) -> float:
+        """What is maximised."""
+        return self.goal.score(self.won, self.errors)
+
+    @property
+    def errors(self) -> list[float | None]:
+        """The metric whose quantile is given, by trial; None where there is none."""
+        return [None if o.metrics is None else float(getattr(o.metrics, self.goal.metric)) for o in self.outcomes]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Rate, interval and quantile."""
+        won = sum(self.won)
+        low, high = wilson(won, len(self.won))
+        rate = won / len(self.won)
+        return {"rate": rate, "low": low, "high": high, "quantile": self.goal.quantile_of(self.won, self.errors)}
+
+
+def tune(
+    specification: Specification,
+    wanted: Tune,
+    out: str | Path,
+    *,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    progress: Progress = lambda text: None,
+    work: Work = WORK,
+) -> dict[str, Any]:
+    """Search within the budget, then compare the default with the best on held-out trials; plain data.
+
+    Each flip is kept in `out`/tune.sqlite as it ends: an interrupted search goes on where it was.  Raises ScenarioError
+    where optuna is not installed or a file or cluster cannot be used.
+    """
+    search = _Search(wanted)
+    held_out = held_out_trials(specification, wanted)
+    with Store(Path(out) / "tune.sqlite") as store, engine(jobs, scheduler) as found:
+        flyer = _Flyer(store, found, wanted, work)
+        default = {path: value_of(specification.base, path) for path in wanted.over}
+        tried = flyer.fly(specification, [default])
+        search.tell_default(tried[0])
+        count = max(wanted.budget // specification.trials, 2)
+        while len(tried) < count:
+            progress(f"{len(tried)} of {count} sets of gains, best: {_best(tried).as_dict()['rate']:.0%} turned over")
+            asked = search.ask(min(BATCH, count - len(tried)))
+            new = flyer.fly(specification, [gains for _, gains in asked])
+            for (question, _), candidate in zip(asked, new, strict=True):
+                search.tell(question, candidate)
+            tried += new
+        best = _best(tried)
+        progress(f"the default and the best on {held_out.trials} held-out trials")
+        judged = flyer.fly(held_out, [default, best.gains])
+    return _summary(specification, wanted, tried, best, judged)
+
+
+def held_out_trials(specification: Specification, wanted: Tune) -> Specification:
+    """Trials of the same distributions that the search does not see."""
+    sampler = "random" if specification.sampler in ("grid", "saltelli") else specification.sampler
+    seed = (specification.seed + 0x5EED) % 2**32
+    return replace(specification, seed=seed, trials=wanted.held_out, sampler=sampler)
+
+
+def _best(tried: Sequence[Candidate]) -> Candidate:
+    return max(tried, key=lambda candidate: candidate.score)  # the first of equals: the default stays where it can
+
+
+class _Search:
+    """optuna's TPE over the unit cube of the gains' distributions."""
+
+    def __init__(self, wanted: Tune) -> None:
+        try:
+            import optuna
+        except ImportError:
+            raise ScenarioError("tuning needs optuna; install it with: pip install 'flipdiagram[tune]'") from None
+        optuna.logging.set_verbosity(optuna.logging.WARNING)
+        self._optuna, self._wanted = optuna, wanted
+        sampler = optuna.samplers.TPESampler(seed=wanted.seed % 2**32, n_startup_trials=STARTUP)
+        self._study = optuna.create_study(direction="maximize", sampler=sampler)
+        self._space: dict[str, Any] = {path: optuna.distributions.FloatDistribution(0.0, 1.0) for path in wanted.over}
+
+    def tell_default(self, candidate: Candidate) -> None:
+        """Where the default stands and how well it does, if it can be drawn at all."""
+        at = {path: d.position(candidate.gains[path]) for path, d in self._wanted.over.items()}
+        if None not in at.values():
+            trial = self._optuna.trial.create_trial(params=at, distributions=self._space, value=candidate.score)
+            self._study.add_trial(trial)
+
+    def ask(self, count: int) -> list[tuple[Any, Gains]]:
+        """Questions with the gains to be tried."""
+        found: list[tuple[Any, Gains]] = []
+        for _ in range(count):
+            question = self._study.ask(self._space)
+            found.append((question, {path: d.value(question.params[path]) for path, d in self._wanted.over.items()}))
+        return found
+
+    def tell(self, question: Any, candidate: Candidate) -> None:
+        """How well a set of gains did."""
+        self._study.tell(question, candidate.score)
+
+
+class _Flyer:
+    """Flies sets of gains over trials; what the store holds is not flown again."""
+
+    def __init__(self, store: Store, engine: Engine, wanted: Tune, work: Work) -> None:
+        self._store, self._engine, self._wanted, self._work = store, engine, wanted, work
+
+    def fly(self, specification: Specification, candidates: Sequence[Gains]) -> list[Candidate]:
+        """The candidates with their outcomes."""
+        jobs: list[list[str]] = []
+        missing: dict[str, Job] = {}
+        for gains in candidates:
+            tuned = replace(specification, base=specification.base.with_overrides(gains))
+            keys = []
+            for index in range(specification.trials):
+                trial = tuned.trial(index)
+                job = Job("", tuned.truth(trial), tuned.believed(trial), self._wanted.architecture, trial.seed)
+                job.name = _key(job)
+                keys.append(job.name)
+                if self._store.outcome(job.name) is None:
+                    missing[job.name] = job
+            jobs.append(keys)
+        fly_all(missing.values(), self._engine, self, specification.timeout, self._work)
+        found = [tuple(Outcome.from_json(self._store.outcome(key) or "") for key in keys) for keys in jobs]
+        return [Candidate(gains, o, self._wanted.goal) for gains, o in zip(candidates, found, strict=True)]
+
+    def plan(self, key: str) -> Planned | None:
+        return self._store.plan(key)
+
+    def put_plan(self, key: str, plan: str | None, error: str | None) -> None:
+        self._store.put_plan(key, plan, error)
+
+    def keep(self, ended: list[tuple[Job, Landed]]) -> None:
+        for job, landed in ended:
+            text = landed.outcome.to_json()
+            self._store.put_outcome(job.name, job.architecture, job.truth.to_yaml(), text, landed.seconds)
+
+
+def _key(job: Job) -> str:
+    return hashlib.sha256(f"{Flip(job.truth, job.architecture).key} {job.plan_key}".encode()).hexdigest()
+
+
+def _summary(
+    specification: Specification,
+    wanted: Tune,
+    tried: Sequence[Candidate],
+    best: Candidate,
+    judged: Sequence[Candidate],
+) -> dict[str, Any]:
+    default, tuned = judged
+    a, b = np.array(tuned.won), np.array(default.won)
+    first, second = int((a & ~b).sum()), int((~a & b).sum())
+    difference, low, high = paired_difference(int((a & b).sum()), first, second, int((~a & ~b).sum()))
+    return {
+        "architecture": wanted.architecture,
+        "objective": wanted.goal.text,
+        "quantile_name": wanted.goal.quantile_name,
+        "candidates": len(tried),
+        "flips": len(tried) * specification.trials,
+        "best": tried.index(best),
+        "gains": {path: {"default": tried[0].gains[path], "tuned": best.gains[path]} for path in wanted.over},
+        "search": {"trials": specification.trials, "default": tried[0].as_dict(), "tuned": best.as_dict()},
+        "held_out": {
+            "trials": len(default.won),
+            "default": default.as_dict(),
+            "tuned": tuned.as_dict(),
+            "difference": {"difference": difference, "low": low, "high": high, "p": mcnemar(first, second)},
+        },
+        "history": [c.as_dict() | {"gains": dict(c.gains), "score": c.score} for c in tried],
+    }

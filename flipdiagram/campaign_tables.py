@@ -1,0 +1,180 @@
+"""A campaign's analysis as tables and as a section of Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from flipdiagram.campaign.modes import NOT_PHYSICS, SUCCESS
+from flipdiagram.campaign.sensitivity import strength
+from flipdiagram.grid import Grid
+
+Summary = Mapping[str, Any]
+
+FIGURES = (
+    ("campaign_success", "Success rates with 95 % intervals (Wilson), and what became of the other flips"),
+    ("campaign_sensitivity", "What matters: share of the variance of the ranks that goes with each parameter"),
+    ("campaign_map", "Success over the two parameters that matter most"),
+    ("campaign_errors", "Position error and torque of all flips, as shares of flips below a value"),
+)
+SHOWN = 3
+"""Parameters named in the table of what matters."""
+
+
+def success_grid(summary: Summary) -> Grid:
+    """Success rate and failures of each architecture."""
+    found = summary["architectures"]
+    shown = [mode for mode in _modes(summary) if mode != SUCCESS]
+    rows = []
+    for name, entry in found.items():
+        rate = "–" if entry["rate"] is None else f"{100 * entry['rate']:.1f} %"
+        interval = f"{100 * entry['low']:.1f}–{100 * entry['high']:.1f} %"
+        counts = [str(entry["modes"].get(mode, 0)) for mode in shown]
+        saturated = "–" if entry["saturated"] is None else f"{100 * entry['saturated']:.0f} %"
+        rows.append([f"`{name}`", str(entry["counted"]), rate, interval, *counts, saturated])
+    headings = ["architecture", "flips", SUCCESS, "95 % interval", *shown, "a joint at its torque limit"]
+    return Grid(headings, rows, right=headings[1:])
+
+
+def pair_grid(summary: Summary) -> Grid | None:
+    """Differences between architectures over the same trials; None with one architecture."""
+    rows = []
+    for pair in summary["pairs"]:
+        interval = f"{100 * pair['low']:+.1f} to {100 * pair['high']:+.1f}"
+        rows.append(
+            [
+                f"`{pair['first']}` − `{pair['second']}`", str(pair["trials"]), f"{100 * pair['difference']:+.1f}",
+                interval, str(pair["first_only"]), str(pair["second_only"]), _p(pair["p_holm"]),
+            ]
+        )  # fmt: skip
+    if not rows:
+        return None
+    headings = [
+        "difference", "trials", "points", "95 % interval", "only the first", "only the second", "p (McNemar, Holm)",
+    ]  # fmt: skip
+    return Grid(headings, rows, right=headings[1:])
+
+
+def sensitivity_grid(summary: Summary) -> Grid:
+    """The parameters that say most about success, position error and torque; those beyond chance only."""
+    rows = []
+    for name, targets in summary["sensitivity"].items():
+        for target, words in (("success", SUCCESS), ("position_rmse_m", "position RMSE"), ("torque_use", "torque")):
+            known = [entry for entry in targets[target] if entry["explained"] is not None]
+            found = [entry for entry in known if strength(entry) > summary["chance"]][:SHOWN]
+            text = ", ".join(f"`{entry['parameter']}` {_strength(entry)}" for entry in found)
+            rows.append([f"`{name}`", words, text or ("none" if known else "never varies, or too few flips")])
+    words = "parameters, the strongest first: share of the rank variance (rank correlation)"
+    title = f"what matters, beyond the {100 * summary['chance']:.0f} % that come about by chance"
+    return Grid(["architecture", "of", words], rows, title)
+
+
+def sobol_grid(summary: Summary) -> Grid | None:
+    """Sobol indices of success; None unless the sampler allows them."""
+    rows = [
+        [f"`{name}`", f"`{entry['parameter']}`", f"{entry['first']:.2f}", f"{entry['total']:.2f}"]
+        for name, found in summary["sobol"].items()
+        for entry in sorted(found, key=lambda entry: -entry["total"])
+    ]
+    headings = ["architecture", "parameter", "first", "total"]
+    return Grid(headings, rows, "Sobol indices of success", headings[2:]) if rows else None
+
+
+def quantile_grid(summary: Summary) -> Grid:
+    """Median and 95 % quantile of errors and torque, of all flips that flew."""
+    rows = []
+    for name, entry in summary["architectures"].items():
+        q = entry["quantiles"]
+        rows.append(
+            [
+                f"`{name}`", _quantiles(q["position_rmse_m"], 100, 2), _quantiles(q["angle_rmse_rad"], 1, 3),
+                _quantiles(q["acceleration_rmse_m_s2"], 1, 2), _quantiles(q["max_slip_m"], 1000, 1),
+                _quantiles(q["torque_use"], 1, 2),
+            ]
+        )  # fmt: skip
+    headings = [
+        "architecture", "position RMSE [cm]", "angle RMSE [rad]", "acceleration RMSE [m/s²]", "slip [mm]",
+        "torque over limit",
+    ]  # fmt: skip
+    return Grid(headings, rows, "median (95 % quantile) of all flips that flew", headings[1:])
+
+
+def section(summary: Summary, folder: str = "") -> str:
+    """The analysis as Markdown, for a page whose pictures lie below `folder`."""
+    uncounted = sum(entry["flips"] - entry["counted"] for entry in summary["architectures"].values())
+    intro = (
+        f"{summary['flips']} flips: {summary['trials']} trials drawn by `{summary['sampler']}` over"
+        f" {', '.join(f'`{name}`' for name in summary['parameters'])}, the same for every architecture."
+    )
+    if uncounted:
+        kinds = ", ".join(NOT_PHYSICS)
+        intro += f" {uncounted} that ended by {kinds} say nothing about a controller and are not counted."
+    prefix = f"{folder}/" if folder else ""
+    pictures = [f"![{text}]({prefix}{name}.png)\n\n*{text}*" for name, text in FIGURES if name in summary["figures"]]
+    tables = [success_grid, pair_grid, quantile_grid, sensitivity_grid, sobol_grid]
+    parts = [intro, *(_table(grid(summary)) for grid in tables), *pictures]
+    return "\n\n".join(part.strip("\n") for part in parts if part) + "\n"
+
+
+def tuning_grid(tuning: Summary) -> Grid:
+    """Default gains against tuned ones, on the trials of the search and on the held-out ones."""
+    rows = []
+    for name, values in tuning["gains"].items():
+        rows.append([f"`{name}`", _number(values["default"]), _number(values["tuned"])])
+    for part, words in (("search", "search"), ("held_out", "held out")):
+        found = tuning[part]
+        sides = [found[side] for side in ("default", "tuned")]
+        rows.append([f"{SUCCESS}, {words} ({found['trials']} trials)", *(_rate(side) for side in sides)])
+        rows.append([f"{tuning['quantile_name']}, {words}", *(_number(side["quantile"]) for side in sides)])
+    held = tuning["held_out"]["difference"]
+    interval = f"({100 * held['low']:+.1f} to {100 * held['high']:+.1f})"
+    text = f"{100 * held['difference']:+.1f} {interval}, p {_p(held['p'])}"
+    rows.append(["tuned − default, held out [points]", "", text])
+    headings = [f"`{tuning['architecture']}`", "default", "tuned"]
+    return Grid(headings, rows, right=headings[1:])
+
+
+def tuning_section(tuning: Summary) -> str:
+    """The tuner's result as Markdown."""
+    text = (
+        f"{tuning['flips']} flips in the search, {tuning['candidates']} sets of gains, wanted is {tuning['objective']};"
+        " the verdict is that of the held-out trials, which the search has not seen."
+    )
+    return f"{text}\n\n{tuning_grid(tuning).markdown()}"
+
+
+def _table(grid: Grid | None) -> str:
+    if grid is None or not grid.rows:
+        return ""
+    return (f"{grid.title}:\n\n" if grid.title else "") + grid.markdown()
+
+
+def _modes(summary: Summary) -> list[str]:
+    found: dict[str, int] = {}
+    for entry in summary["architectures"].values():
+        for mode, count in entry["modes"].items():
+            found[mode] = found.get(mode, 0) + count
+    return sorted(found, key=lambda mode: -found[mode])
+
+
+def _strength(entry: Mapping[str, Any]) -> str:
+    rho = "" if entry["rho"] is None else f" ({entry['rho']:+.2f})"
+    return f"{100 * strength(entry):.0f} %{rho}"
+
+
+def _quantiles(values: Mapping[str, float] | None, factor: float, digits: int) -> str:
+    if values is None:
+        return "–"
+    return f"{factor * values['0.5']:.{digits}f} ({factor * values['0.95']:.{digits}f})"
+
+
+def _rate(side: Mapping[str, Any]) -> str:
+    return f"{100 * side['rate']:.1f} % ({100 * side['low']:.1f}–{100 * side['high']:.1f})"
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.4g}"
+
+
+def _p(value: float) -> str:
+    return "< 0.001" if value < 0.001 else f"{value:.3f}"

@@ -1,0 +1,138 @@
+"""Trials without physics: quick, deterministic, and as badly behaved as their scenario asks for.
+
+Workers import this module by its name: `campaign.made_up`.
+"""
+
+import os
+import random
+import signal
+import time
+from contextlib import suppress
+from dataclasses import fields
+from pathlib import Path
+
+from flipdiagram.campaign.checks import from_text
+from flipdiagram.campaign.conduct import run
+from flipdiagram.campaign.opening import opened
+from flipdiagram.campaign.work import Landed, Work, provenance
+from flipdiagram.errors import ScenarioError
+from flipdiagram.metrics import FlipMetrics
+from flipdiagram.studies.flips import Outcome
+
+QUIET = """
+base: {simulation: {hold_time: 0.05, settle_time: 0.05}}
+vary:
+  object.friction: {uniform: [0.5, 2.0]}
+  object.mass: {uniform: [0.05, 0.07]}
+sampler: lhs
+trials: 30
+seed: 7
+architectures: [pd, pd+ff+dob]
+timeout: 30
+"""
+HANGS, DIES, RAISES, DIVERGES, REFUSES = 0.01, 0.02, 0.03, 0.04, 0.045
+"""Masses [kg] with a meaning for `fly`."""
+NO_PLAN, PLAN_HANGS = 0.011, 0.012
+"""Friction margins with a meaning for `plan`."""
+
+
+def metrics_of(flight, won):
+    numbers = {field.name: 0.01 * (k + flight.truth.object.friction) for k, field in enumerate(fields(FlipMetrics))}
+    numbers["position_rmse_m"] = 0.01 / flight.truth.object.friction + 1e-6 * flight.truth.controller.k_p
+    failure = None if won else "dropped at 0.200 s"
+    plain = {"touchdown": None, "success": won, "failure": failure, "architecture": flight.architecture}
+    return FlipMetrics(**numbers | plain | {"start_y_m": 0.0, "max_torque_Nm": [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]})
+
+
+def fly(flight):
+    """Turned over where the friction is above a border, which is lower with an observer."""
+    mass = flight.truth.object.mass
+    if mass == HANGS:
+        time.sleep(600)
+    if mass == DIES:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if mass == RAISES:
+        raise ZeroDivisionError("a bug")
+    if mass == DIVERGES:
+        outcome = Outcome(None, "diverged: the state is not finite")
+    elif mass == REFUSES:
+        outcome = Outcome(None, "refused: no such arm")
+    else:
+        won = flight.truth.object.friction > (0.9 if "dob" in flight.architecture else 1.4)
+        measured = metrics_of(flight, won)
+        outcome = Outcome(measured, measured.failure, {"solve_time_s": time.time(), "plan": flight.plan})
+    return Landed(outcome, 0.5, 0.0, *provenance())
+
+
+def fly_slowly(flight):
+    time.sleep(0.03)
+    return fly(flight)
+
+
+def fly_like_gains(flight):
+    """Turned over where the friction is enough for how far the gain is from 900 1/s²."""
+    k_p = flight.truth.controller.k_p
+    won = flight.truth.object.friction > 0.6 + abs(k_p - 900) / 500
+    measured = metrics_of(flight, won)
+    return Landed(Outcome(measured, measured.failure), 0.5, 0.0, *provenance())
+
+
+def plan(believed):
+    """Note in a file that somebody planned; its name stands in the environment."""
+    if path := os.environ.get("PLANS_MADE"):
+        with open(path, "a") as file:
+            file.write("planned\n")
+    if believed.planner.friction_margin == NO_PLAN:
+        return None, "no horizon is feasible"
+    if believed.planner.friction_margin == PLAN_HANGS:
+        time.sleep(600)
+    return f"plan for {believed.object.friction} {believed.task.start_y}", None
+
+
+WORK = Work(plan, fly)
+SLOW = Work(plan, fly_slowly)
+
+
+def contents(file):
+    """What every row of a campaign's file says, without the circumstances; the trial and architecture first."""
+    with opened(file) as results:
+        return [row.content() for row in results.rows()]
+
+
+DRIVER = "import sys; from campaign.made_up import main; main(*sys.argv[1:])"
+KILLER = "import sys; from campaign.made_up import kill_drivers; kill_drivers(*sys.argv[1:])"
+
+
+def main(text, out, jobs):
+    """A campaign in a process of its own, to be killed: `DRIVER` runs it."""
+    run(from_text(text), Path(out), jobs=int(jobs), resume=True, any_version=True, work=SLOW)
+
+
+def finished(file):
+    """(trial, architecture, when it ended) of each row there."""
+    try:
+        with opened(file) as results:
+            return {(row.trial, row.architecture, row.finished) for row in results.rows()}
+    except ScenarioError:  # not yet there
+        return set()
+
+
+def kill_drivers(text, out, kills, rows):
+    """Begin a campaign, kill -9 its driver at a random moment, go on with it; `kills` times; prints how often."""
+    dice, specification, file, kept = random.Random(5), from_text(text), Path(out) / "campaign.sqlite", set()
+    each, done = int(rows) // (int(kills) + 1), 0
+    for _ in range(int(kills)):
+        driver = os.fork()  # of a process without threads, that has imported everything
+        if driver == 0:
+            with suppress(BaseException):
+                run(specification, Path(out), jobs=1, resume=True, work=SLOW)
+            os._exit(0)
+        wanted, deadline = len(kept) + dice.randrange(each), time.monotonic() + 60
+        while len(finished(file)) <= wanted and time.monotonic() < deadline:
+            time.sleep(dice.uniform(0.0, 0.03))
+        os.kill(driver, signal.SIGKILL)
+        done += os.waitstatus_to_exitcode(os.waitpid(driver, 0)[1]) == -signal.SIGKILL
+        now = finished(file)
+        assert kept <= now, "a row that was there is gone or was written again"
+        kept = now
+    print(done, len(kept))
