@@ -32,6 +32,9 @@ AGREE = 1e-9
 """Largest difference of x from the compiled diagram's, relative to the largest |x| of the channel."""
 CHECKED, CHECKED_TICKS = np.array([3.0, 30.0, 300.0]), 1000
 STEPS, CHANNELS = 4_000_000, 100
+VECTORS, VECTORS_ALL = "compiled diagram, vectorised", "compiled diagram, vectorised, all cores"
+LONGER = 8
+"""Times as many ticks for what would be over in 8 ms."""
 LATE = 1_000_000
 """First tick of runs compared by channels: sines of small angles, which only short runs have, are cheap."""
 SIZES = {"jaxonomy_loop": ((400, 2500), (1600, 1000), (6400, 250))}
@@ -42,7 +45,9 @@ TEXT = (
     " channels differ in frequency, 1 to 300 rad/s. Rates in channel-steps per second, no log, on one thread"
     " (jaxonomy as it comes, on all cores: its ratio is to the compiled diagram on all cores), all in turn in"
     " one process; a ratio is of neighbours in time. Meters: lock-in, peak of x"
-    " and of the force, RMS error. The compiled diagram, the hand-written loop and jaxonomy run all channels at"
+    " and of the force, RMS error. Vectorised: compile_diagram(..., vectorize=True), whose sin and cos are not the C"
+    " library's: not bit for bit Drake's, as the compiled diagram is otherwise."
+    " The compiled diagram, the hand-written loop and jaxonomy run all channels at"
     " once, the others one after another. Built, jitted and run once before the clock starts."
 )
 
@@ -52,16 +57,24 @@ def measure(repetitions: int) -> Section:
     section = Section("The 1-DOF loop, compiled and elsewhere", TEXT)
     numbers = Numbers()
     bare, metered = compile_loop(numbers, meters=False), compile_loop(numbers, meters=True)
+    vectors = {meters: compile_loop(numbers, meters=meters, vectorize=True) for meters in (False, True)}
     tasks, notes = contenders(numbers, bare)
     ticks, omega = STEPS // CHANNELS, frequencies(CHANNELS)
     given: dict[str, Any] = {"omega": omega}
     by_hand = hand_written.prepare_metered(numbers, omega, ticks)
-    worst = _meters_differ(metered.run(ticks, parameters=given), by_hand())
+    sums = by_hand()
+    worst = max(_meters_differ(loop.run(ticks, parameters=given), sums) for loop in (metered, vectors[True]))
+    notes.append(_checked(VECTORS, trajectories(vectors[False], CHECKED, CHECKED_TICKS), bare))
     tasks |= {
         "compiled diagram": _rate(lambda: bare.run(ticks, parameters=given, threads=1), STEPS),
         "compiled diagram, all cores": _rate(lambda: bare.run(2 * ticks, parameters=given), 2 * STEPS),
         "compiled diagram, with meters": _rate(lambda: metered.run(ticks, parameters=given, threads=1), STEPS),
         "hand-written numba loop, with meters": _rate(by_hand, STEPS),
+        VECTORS: _rate(lambda: vectors[False].run(LONGER * ticks, parameters=given, threads=1), LONGER * STEPS),
+        VECTORS_ALL: _rate(lambda: vectors[False].run(2 * LONGER * ticks, parameters=given), 2 * LONGER * STEPS),
+        f"{VECTORS}, with meters": _rate(
+            lambda: vectors[True].run(LONGER * ticks, parameters=given, threads=1), LONGER * STEPS
+        ),
     }
     two = (os.cpu_count() or 1) >= 2
     if two:
@@ -80,6 +93,9 @@ def measure(repetitions: int) -> Section:
     section.add("compiled / hand-written", ratios(own, found[hand_written.NAME]), "x", OF_HAND_WRITTEN)
     by_hand_rates = found["hand-written numba loop, with meters"]
     section.add("compiled / hand-written, both with meters", ratios(with_meters, by_hand_rates), "x", OF_HAND_WRITTEN)
+    by_vectors = ratios(found[f"{VECTORS}, with meters"], by_hand_rates)
+    section.add("vectorised / hand-written, both with meters", by_vectors, "x", OF_HAND_WRITTEN)
+    section.add("vectorised / compiled", ratios(found[VECTORS], own), "x")
     if two:
         both = found["compiled diagram, with meters, two cores"]
         section.add("two cores / one", ratios(both, with_meters), "x", TWO_CORES)
@@ -92,8 +108,11 @@ def measure(repetitions: int) -> Section:
     for kind, (name, values) in best.items():
         if "batch" in name:
             section.add(f"compiled, all cores / {kind}, best batch", ratios(whole, values), "x", OF_JAXONOMY)
+            by_vectors = ratios(found[VECTORS_ALL], values)
+            section.add(f"vectorised, all cores / {kind}, best batch", by_vectors, "x", OF_JAXONOMY)
         else:
             section.add(f"compiled / {name}", ratios(own, values), "x", OF_OTHERS)
+            section.add(f"vectorised / {name}", ratios(found[VECTORS], values), "x", OF_OTHERS)
     section.checks += notes
     section.checks.append(f"meters: sums of the hand-written loop and of the diagram differ by {worst:.0e} at most")
     return section
@@ -105,7 +124,6 @@ def contenders(numbers: Numbers, bare: CompiledDiagram) -> tuple[dict[str, Calla
     Raises RuntimeError where x differs from the compiled diagram's: at any tick of the channels `CHECKED`, or at the
     end of what is timed.
     """
-    expected = trajectories(bare, CHECKED, CHECKED_TICKS)
     tasks: dict[str, Callable[[], float]] = {}
     notes: list[str] = []
     for module in MODULES:
@@ -113,11 +131,7 @@ def contenders(numbers: Numbers, bare: CompiledDiagram) -> tuple[dict[str, Calla
         if contender.PACKAGE is not None and find_spec(contender.PACKAGE) is None:
             notes.append(f"NOT measured: {contender.NAME} is not installed (pip install {contender.PACKAGE})")
             continue
-        found = contender.prepare(numbers, CHECKED, CHECKED_TICKS, True)()
-        difference = _same(contender.NAME, found, expected)
-        notes.append(
-            f"{contender.NAME}: same {len(CHECKED)} x {CHECKED_TICKS} samples of x, to {difference:.0e} of the largest"
-        )
+        notes.append(_checked(contender.NAME, contender.prepare(numbers, CHECKED, CHECKED_TICKS, True)(), bare))
         whole = (CHANNELS, STEPS // CHANNELS) if contender is hand_written else (1, 1000)
         for channels, ticks in SIZES.get(module, (whole,)):
             batch = f", batch {channels}" if module in SIZES else ""
@@ -126,6 +140,11 @@ def contenders(numbers: Numbers, bare: CompiledDiagram) -> tuple[dict[str, Calla
             _same(contender.NAME, run().T, bare.run(ticks, parameters={"omega": omega}).outputs["x"].T)
             tasks[contender.NAME + batch] = _rate(run, channels * ticks)
     return tasks, notes
+
+
+def _checked(name: str, found: Array, bare: CompiledDiagram) -> str:
+    difference = _same(name, found, trajectories(bare, CHECKED, CHECKED_TICKS))
+    return f"{name}: same {len(CHECKED)} x {CHECKED_TICKS} samples of x, to {difference:.0e} of the largest"
 
 
 def _same(name: str, found: Array, expected: Array) -> float:
@@ -198,17 +217,18 @@ def compiling(repetitions: int) -> Section:
     """compile_diagram of the study's experiment in fresh processes: nothing kept, then from its cache."""
     text = "compile_diagram() of the study's loop with its meters and noise, in a fresh process, Drake imported before."
     section = Section("Compiling", text + " Reading, compiling or loading, and the replay against Drake's Simulator.")
-    cold: list[float] = []
-    warm: list[float] = []
+    kinds = {"": [], "vectorised": ["vectorize"]}
+    found: dict[tuple[str, bool], list[float]] = {(kind, cached): [] for kind in kinds for cached in (False, True)}
     for _ in range(repetitions):
         with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, FLIPDIAGRAM_CACHE_DIR=folder):
-            for times, cached in ((cold, False), (warm, True)):
-                result = fresh("bench.frequency")[1]
+            for (kind, cached), times in found.items():
+                result = fresh("bench.frequency", *kinds[kind])[1]
                 if result["from_cache"] is not cached:
                     raise RuntimeError(f"from_cache = {result['from_cache']}")
                 times.append(result["seconds"])
-    section.add("compiled", cold, target=COMPILE)
-    section.add("from the cache", warm, target=CACHED)
+    for (kind, cached), times in found.items():
+        name = "from the cache" if cached else "compiled"
+        section.add(f"{name}, {kind}" if kind else name, times, target=CACHED if cached else COMPILE)
     return section
 
 
@@ -240,7 +260,7 @@ def sections(repetitions: int, quick: bool) -> Iterator[Section]:
     yield measure(repetitions)
 
 
-def compile_once() -> dict[str, Any]:
+def compile_once(vectorize: bool) -> dict[str, Any]:
     """Seconds that compile_diagram takes in this process."""
     from flipdiagram.compiled import compile_diagram
     from flipdiagram.one_dof_loop import build_controller, build_experiment
@@ -249,11 +269,11 @@ def compile_once() -> dict[str, Any]:
     diagram = build_experiment(build_controller("pd+ff+dob", settings), settings, friction=True)
     tie = {"omega": [f"{box}.omega" for box in ("command", "noise", "lockin_x", "lockin_a")]}
     begin = time.perf_counter()
-    compiled = compile_diagram(diagram, tie=tie)
+    compiled = compile_diagram(diagram, tie=tie, vectorize=vectorize)
     return {"seconds": time.perf_counter() - begin, "from_cache": compiled.from_cache}
 
 
 if __name__ == "__main__":
     import json
 
-    print(json.dumps(compile_once()))
+    print(json.dumps(compile_once(vectorize="vectorize" in sys.argv)))

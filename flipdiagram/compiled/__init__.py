@@ -2,7 +2,8 @@
 
 ``compile_diagram`` flattens a diagram (``structure``), names its vectors (``layout``), reads each block's update and
 outputs through its symbolic form (``read``) into one graph without repeated subexpressions (``graph``), prints that
-(``emit``) and compiles it (``kernel``). The result runs batches (``batch``), and knows its derivatives (``linear``).
+(``emit``; for channels in vectors ``vector``) and compiles it (``kernel``). The result runs batches (``batch``), and
+knows its derivatives (``linear``).
 """
 
 from flipdiagram.compiled.batch import BatchDiagram, Run

@@ -70,7 +70,8 @@ def _drake(compiled: BatchDiagram, state: Floats, inputs: Floats, ticks: int) ->
 def _compare(kind: str, names: list[str], before: Floats, ours: Floats, drakes: Floats) -> None:
     with np.errstate(invalid="ignore"):  # inf - inf, where a diagram diverges
         scale = np.maximum.reduce([np.abs(before), np.abs(ours), np.abs(drakes)])
-        floor = 1e-4 * TOLERANCE * scale.max(axis=1, initial=0.0, keepdims=True)
+        finite = np.where(np.isfinite(scale), scale, 0.0)  # where one state is nan the others are compared all the same
+        floor = 1e-4 * TOLERANCE * finite.max(axis=1, initial=0.0, keepdims=True)
         equal = np.isclose(ours, drakes, rtol=0.0, atol=0.0, equal_nan=True)
         equal |= np.abs(ours - drakes) <= TOLERANCE * scale + floor
         equal |= ~np.isfinite(drakes) & ~np.isfinite(ours)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, overload
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from flipdiagram.compiled.batch import BatchDiagram
@@ -18,20 +19,24 @@ from flipdiagram.compiled.linear import Linearization, linearize
 from flipdiagram.compiled.read import Program, read_program
 from flipdiagram.compiled.structure import flatten
 from flipdiagram.compiled.threads import advance
+from flipdiagram.compiled.vector import vector_source
+from flipdiagram.compiled.vector_text import LANES
 from flipdiagram.errors import ScenarioError
 
 
 class CompiledDiagram(BatchDiagram):
     """A diagram as machine code; made by ``compile_diagram``.
 
-    ``source`` is the Python text it was compiled from, ``from_cache`` whether that had been done before.
+    ``source`` is the text it was compiled from, Python or, if ``vectorized``, LLVM's; ``from_cache`` whether that had
+    been done before.
     """
 
-    def __init__(self, layout: Layout, program: Program, cache: bool = True) -> None:
+    def __init__(self, layout: Layout, program: Program, cache: bool = True, vectorize: bool = False) -> None:
         super().__init__(layout, program.period, program.offset, program.inputs_used())
         self.program = program
-        self.source = print_source(program)
-        self._kernel, self.from_cache = load_kernel(self.source, cache)
+        self.vectorized = vectorize
+        self.source = vector_source(program) if vectorize else print_source(program)
+        self._kernel, self.from_cache = load_kernel(self.source, cache, vectorize)
 
     def linearize(
         self,
@@ -61,7 +66,17 @@ class CompiledDiagram(BatchDiagram):
         progress: Callable[[float], None] | None,
     ) -> None:
         signals = self.layout.outputs.size + self.layout.states.size
-        advance(self._kernel, ticks, start, state, parameters, series, every, signals, column, log, threads, progress)
+        rest = (every, signals, column, log, threads, progress)
+        if not self.vectorized:
+            advance(self._kernel, ticks, start, state, parameters, series, *rest)
+        elif log.shape[1] or (np.diff(ticks) >= 0).all():
+            advance(self._kernel, ticks, start, state, parameters, series, *rest, lanes=LANES)
+        else:  # channels of a vector wait for the longest of them: neighbours of like length wait least
+            order = np.argsort(ticks, kind="stable")
+            sorted_state = state[order]
+            values, rows = (a if a.strides[0] == 0 else a[order] for a in (parameters, series))
+            advance(self._kernel, ticks[order], start[order], sorted_state, values, rows, *rest, lanes=LANES)
+            state[order] = sorted_state
 
 
 @overload
@@ -72,6 +87,7 @@ def compile_diagram(
     fallback: Literal[False] = False,
     check: int = 200,
     cache: bool = True,
+    vectorize: bool = False,
 ) -> CompiledDiagram: ...
 
 
@@ -84,6 +100,7 @@ def compile_diagram(
     period: float | None = None,
     check: int = 200,
     cache: bool = True,
+    vectorize: bool = False,
 ) -> CompiledDiagram | SimulatedDiagram: ...
 
 
@@ -95,6 +112,7 @@ def compile_diagram(
     period: float | None = None,
     check: int = 200,
     cache: bool = True,
+    vectorize: bool = False,
 ) -> CompiledDiagram | SimulatedDiagram:
     """Compile any Drake Diagram whose blocks convert to symbolic and share one period.
 
@@ -125,6 +143,10 @@ def compile_diagram(
     is its tick if its blocks share none.
     ``check``: updates to compare with Drake's Simulator before the diagram is handed over (0: none).
     ``cache``: keep the machine code in the user's cache folder.
+    ``vectorize``: advance several channels at once, on the processor's vectors, with sin, cos, exp and tanh of our own:
+    many times faster for many channels, and no slower for one. Those four, of what changes from tick to tick, may
+    differ from the C library's, which Drake uses, by a few units in the last place; all else, and so a diagram without
+    them, is the same to the bit. log, pow, tan and others are called channel by channel: the same, and no faster.
 
     Raises NotCompilable (a ScenarioError), which names the block and the reason: no symbolic form, continuous or
     abstract state, several periods, an expression without printed form, or a result other than Drake's.
@@ -133,7 +155,7 @@ def compile_diagram(
         raise ScenarioError(f"check = {check}; it must be >= 0")
     layout = lay_out(flatten(diagram), tie)
     try:
-        compiled = CompiledDiagram(layout, read_program(layout), cache)
+        compiled = CompiledDiagram(layout, read_program(layout), cache, vectorize)
         if check:
             check_against_drake(compiled, check)
         return compiled

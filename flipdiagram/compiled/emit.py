@@ -6,6 +6,7 @@ from collections import Counter
 
 from flipdiagram.compiled.graph import ATOMS
 from flipdiagram.compiled.read import Program
+from flipdiagram.compiled.sections import Section, Sections
 
 _LONGEST = 90  # characters of an expression that may still stand inside another
 
@@ -69,31 +70,20 @@ class _Printer:
         self._program = program
         self._nodes = program.graph.nodes
         self._text: dict[int, str] = {}
-        graph, update, outputs = program.graph, set(program.update), set(program.outputs)
-        self._order = sorted(graph.needed(update | outputs))
-        self._in_tick = graph.needed(update)
-        self._fixed: set[int] = set()
-        for i in self._order:
-            operands = graph.operands(i)
-            if self._nodes[i][0] in ("constant", "parameter") or (operands and self._fixed.issuperset(operands)):
-                self._fixed.add(i)
+        self._sections = Sections(program)
+        graph, section, roots = program.graph, self._sections.of, {*program.update, *program.outputs}
         self._uses = Counter(program.update) + Counter(program.outputs)
-        for i in self._order:
+        for i in self._sections.order:
             twice = 2 if self._nodes[i][0] == "isnan" else 1
             for operand in graph.operands(i):
                 # across a border of sections nothing is written in place
-                self._uses[operand] += twice if self._section(operand) == self._section(i) else 2
-        self._uses.update(self._fixed & (update | outputs))
+                self._uses[operand] += twice if section(operand) == section(i) else 2
+        self._uses.update(self._sections.fixed & roots)
 
-    def _section(self, i: int) -> str:
-        return "channel" if i in self._fixed else "tick" if i in self._in_tick else "row"
-
-    def _named(self, section: str) -> list[str]:
+    def _named(self, section: Section) -> list[str]:
         lines = []
-        for i in self._order:
+        for i in self._sections.members(section):
             node = self._nodes[i]
-            if self._section(i) != section or node[0] in ATOMS:
-                continue
             text = _FORMS[node[0]].format(*map(self._read, node[1:]))
             if self._uses[i] > 1 or len(text) > _LONGEST:
                 lines.append(f"v{i} = {text.removeprefix('(').removesuffix(')') if _enclosed(text) else text}")
@@ -109,24 +99,21 @@ class _Printer:
             return "t"
         return f"{node[0][0]}{node[1]}" if node[0] in ATOMS else self._text[i]
 
-    def _used(self, kind: str) -> list[int]:
-        return sorted(self._nodes[i][1] for i in self._order if self._nodes[i][0] == kind)
-
     def lines(self) -> list[tuple[int, str]]:
         """(depth, line) of the body of the loop over channels."""
         program = self._program
         states = range(len(program.update))
-        lines = [(2, f"p{i} = parameter[c * stride + {i}]") for i in self._used("parameter")]
+        lines = [(2, f"p{i} = parameter[c * stride + {i}]") for i in self._sections.used("parameter")]
         lines += [(2, line) for line in self._named("channel")]
         lines += [(2, f"s{i} = state[c * states + {i}]") for i in states]
         lines += [(2, "last_tick, row, due = ticks[c], 0, 0 if rows > 0 else -1"), (2, "first_tick = start[c]")]
         lines += [(2, "for k in range(last_tick + 1):")]
-        if ("time",) in (self._nodes[i] for i in self._order):
+        if self._sections.has_time():
             # Drake's own expression for the time of a sample
             lines += [(3, f"t = {program.offset!r} + (first_tick + k) * {program.period!r}")]
-        if self._used("input"):
+        if self._sections.used("input"):
             lines += [(3, "j = c * span + min(k, held) * inputs")]
-            lines += [(3, f"i{i} = series[j + {i}]") for i in self._used("input")]
+            lines += [(3, f"i{i} = series[j + {i}]") for i in self._sections.used("input")]
         lines += [(3, line) for line in self._named("tick")]
         lines += [(3, "if k == due:")]
         lines += [(4, line) for line in self._named("row")]

@@ -1,4 +1,4 @@
-"""Printed source -> machine code: numba makes it once, the object file stays in the user's cache folder.
+"""Printed source -> machine code: by numba or LLVM alone, once; the object file stays in the user's cache folder.
 
 Loading that file takes llvmlite alone and some milliseconds; importing and starting numba takes half a second.
 """
@@ -34,7 +34,7 @@ _KEPT = 400  # files of the cache folder
 _DIGEST = hashlib.sha256().digest_size
 # What machine code may ask of the process that loads it: the C library's mathematics.
 _LIBRARY = frozenset(
-    "exp log sqrt sin cos tan asin acos atan atan2 sinh cosh tanh floor ceil pow fabs memset memcpy sincos".split()
+    "exp log sqrt sin cos tan asin acos atan atan2 sinh cosh tanh floor ceil pow fabs memset memcpy sincos fma".split()
 )
 _loaded: dict[str, Kernel] = {}
 _lock = threading.Lock()
@@ -48,8 +48,10 @@ def cache_folder() -> Path:
     return Path(base) / "flipdiagram"
 
 
-def load_kernel(source: str, cache: bool = True) -> tuple[Kernel, bool]:
+def load_kernel(source: str, cache: bool = True, vectors: bool = False) -> tuple[Kernel, bool]:
     """The compiled kernel of a source, and whether it was known, in this process or on disk.
+
+    The source is Python (``print_source``), or with ``vectors`` LLVM's language (``vector_source``).
 
     The key is the source, the processor and the versions of the compilers. A cache folder that cannot be written, or
     a file that is damaged, costs the time of compiling and nothing else.
@@ -66,8 +68,8 @@ def load_kernel(source: str, cache: bool = True) -> tuple[Kernel, bool]:
         code = _stored(path) if cache else None
         hit = code is not None
         if code is None:
-            function = _compile(source)
-            code = _object_code(function)
+            function: Any = None if vectors else _compile(source)
+            code = _assembled(source) if vectors else _object_code(function)
             if code and cache:
                 _store(path, code)
         kernel = _link(code) if code else _kept(function.ctypes, function)
@@ -103,6 +105,15 @@ def _object_code(function: Any) -> bytes | None:
     text = function.inspect_llvm().replace(function.native_name, "kernel")
     asked = set(re.findall(r"^declare [^@]*@(?!llvm\.)([^(]+)\(", text, re.M))
     return bytes(_target().emit_object(llvm.parse_assembly(text))) if asked <= _LIBRARY else None
+
+
+def _assembled(source: str) -> bytes:
+    """Text in LLVM's language as an object file; it is printed as it is to run, so no pass changes it before."""
+    target = _target()
+    module = llvm.parse_assembly(source)
+    module.triple, module.data_layout = llvm.get_process_triple(), str(target.target_data)
+    module.verify()
+    return bytes(target.emit_object(module))
 
 
 def _target() -> Any:

@@ -27,8 +27,11 @@ def advance(
     log: Floats,
     threads: int | None = None,
     progress: Callable[[float], None] | None = None,
+    lanes: int = 1,
 ) -> None:
     """Run a kernel on arrays; the arguments are described in ``print_source``.
+
+    ``lanes``: channels that the kernel advances together, from the first of a piece on.
 
     ``parameters`` (n, m) and ``series`` (n, rows, m) may repeat one channel with a stride of 0; all else is contiguous.
     """
@@ -47,7 +50,7 @@ def advance(
         log.ctypes.data, log.shape[1], log.shape[2],
     )  # fmt: skip
     count = threads or available_threads()
-    pieces = _pieces(ticks, count)
+    pieces = _pieces(ticks, count, lanes)
     if len(pieces) == 1:
         kernel(*pieces[0], *arguments)
         if progress:
@@ -73,13 +76,17 @@ def _work(ticks: Indices) -> float:
     return float(ticks.sum()) + ticks.size
 
 
-def _pieces(ticks: Indices, threads: int) -> list[tuple[int, int]]:
-    """Ranges of channels, several for each thread: channels may differ in length, and processors in load."""
+def _pieces(ticks: Indices, threads: int, lanes: int) -> list[tuple[int, int]]:
+    """Ranges of channels, several for each thread: channels may differ in length, and processors in load.
+
+    Where channels advance together no piece but the last has an incomplete group of them.
+    """
     if threads == 1 and _work(ticks) <= _PIECE:
         return [(0, ticks.size)]
+    groups = np.add.reduceat(ticks + 1.0, np.arange(0, ticks.size, lanes))
     aim = min(_work(ticks) / (threads * 8), _PIECE)
-    work = np.floor(np.cumsum(ticks + 1.0) / aim)
-    ends = np.flatnonzero(np.diff(work, append=np.inf)) + 1
+    work = np.floor(np.cumsum(groups) / aim)
+    ends = np.minimum((np.flatnonzero(np.diff(work, append=np.inf)) + 1) * lanes, ticks.size)
     return list(zip([0, *ends[:-1].tolist()], ends.tolist(), strict=True))
 
 
