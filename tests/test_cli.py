@@ -20,6 +20,11 @@ def run(*arguments, **settings):
     return subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, timeout=60, **settings)
 
 
+def listen_to_ctrl_c():
+    """In the child: a run in the background of a shell would have it inherit a Ctrl-C that is ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def assert_one_line(done, code, *parts):
     assert done.returncode == code, done.stderr
     assert done.stdout == ""
@@ -155,7 +160,8 @@ def test_ctrl_c_ends_with_130_and_one_line(tmp_path):
     script = "import sys, time; from flipdiagram import cli, commands; commands.scenario = lambda *_: (print('in'), time.sleep(60))"
     script += "; sys.exit(cli.main(['scenario']))"
     with subprocess.Popen(
-        [sys.executable, "-u", "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-u", "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        preexec_fn=listen_to_ctrl_c,
     ) as process:
         assert process.stdout.readline() == "in\n"
         process.send_signal(signal.SIGINT)

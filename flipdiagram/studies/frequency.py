@@ -29,8 +29,8 @@ QUICK = {"frequency.lowest": 1.0, "frequency.count": 24, "frequency.torque_count
 """The scenario of a quick run; it also leaves out the table of realisations and the other friction model."""
 SOURCES = (
     "blocks", "compiled", "one_dof_loop", "plants", "scenario", "scenario_io", "scenario_one_dof", "scenario_parts",
-    "studies/broadband", "studies/claims", "studies/curves", "studies/frequency", "studies/laboratory",
-    "studies/realisations", "studies/sweep", "transfer",
+    "scenario_place", "studies/broadband", "studies/claims", "studies/curves", "studies/frequency",
+    "studies/laboratory", "studies/realisations", "studies/sweep", "transfer",
 )  # fmt: skip
 """Modules whose code decides what this study measures."""
 Progress = Callable[[str], None]

@@ -96,7 +96,11 @@ def test_the_impossible_ends_with_exit_3_one_line_and_no_files(tmp_path):
 
 def test_ctrl_c_stops_within_two_seconds_and_keeps_finished_runs(tmp_path):
     command = [*COMMAND, "--out", str(tmp_path), "--jobs", "1"]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    process = subprocess.Popen(
+        command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True,
+        # in the background of a shell it would inherit a Ctrl-C that is ignored
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
     assert process.stderr is not None
     for line in process.stderr:
         if line.startswith("1/4"):
