@@ -26,7 +26,7 @@ flip: $(INSTALLED)
 	$(RUN) -m flipdiagram.cli flip --out $(OUT)/turnover
 
 test: lint programs
-	$(RUN) -m pytest
+	$(RUN) -m pytest -n 2 --dist loadfile
 
 lint: $(TESTABLE)
 	$(RUN) -m ruff check .
