@@ -7,14 +7,13 @@ from collections.abc import Callable
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State, ValueProducer
+from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
 
+from flipdiagram.blocks._commands import CHANNELS, Commands, declare_commands, standing
 from flipdiagram.contact import Floats
-from flipdiagram.errors import ScenarioError
 from flipdiagram.planning.plan import Plan
 
-CHANNELS = 6
-"""Task coordinates (y, z, θ, x, pitch, yaw): the MPC moves the first three, the others are held."""
+__all__ = ["CHANNELS", "ModelPredictiveController"]
 
 
 class ModelPredictiveController(LeafSystem):
@@ -31,24 +30,13 @@ class ModelPredictiveController(LeafSystem):
 
     def __init__(self, planner: Callable[[], Plan], hold: Floats, start_time: float = 0.0, stand: bool = False) -> None:
         super().__init__()
-        if not (math.isfinite(start_time) and start_time >= 0):
-            raise ScenarioError(f"start_time = {start_time} s; it must be finite and >= 0")
-        self._planner, self.start_time = planner, float(start_time)
+        self._planner = planner
         self._stand = stand
-        self._hold = np.array(hold, dtype=float)
-        if self._hold.shape != (CHANNELS,):
-            raise ScenarioError(f"hold has shape {self._hold.shape}; valid is ({CHANNELS},)")
+        self._hold, self.start_time = standing(hold, start_time)
         self._state = self.DeclareAbstractState(Value[object]())
         self.DeclareInitializationUnrestrictedUpdateEvent(self._plan_once)
-        self._command = self.DeclareCacheEntry(
-            "command",
-            ValueProducer(allocate=lambda: Value[object](), calc=self._calc_command),
-            {self.time_ticket(), self.abstract_state_ticket(self._state)},
-        )
-        ticket = {self.cache_entry_ticket(self._command.cache_index())}
-        for i, name in enumerate(("x_cmd", "v_cmd", "a_cmd")):
-            self.DeclareVectorOutputPort(name, CHANNELS, self._writer(i), ticket)
         state = {self.abstract_state_ticket(self._state)}
+        declare_commands(self, self._commands, {self.time_ticket(), *state})
         self.DeclareVectorOutputPort("solve_time", 1, self._calc_solve_time, state)
         self.DeclareVectorOutputPort("status", 1, self._calc_status, state)
 
@@ -66,18 +54,12 @@ class ModelPredictiveController(LeafSystem):
             state.get_mutable_abstract_state(int(self._state)).set_value(self._planner())
         return EventStatus.Succeeded()
 
-    def _calc_command(self, context: Context, value: Value) -> None:
+    def _commands(self, context: Context) -> Commands:
         x, v, a = self._hold.copy(), np.zeros(CHANNELS), np.zeros(CHANNELS)
         plan = self.plan(context)
         if plan is not None and not (self._stand and context.get_time() < self.start_time - 1e-9):
             x[:3], v[:3], a[:3] = plan.at(context.get_time() - self.start_time)
-        value.set_value((x, v, a))
-
-    def _writer(self, index: int) -> Callable[[Context, BasicVector], None]:
-        def write(context: Context, output: BasicVector) -> None:
-            output.set_value(self._command.Eval(context)[index])
-
-        return write
+        return x, v, a
 
     def _calc_solve_time(self, context: Context, output: BasicVector) -> None:
         plan = self.plan(context)

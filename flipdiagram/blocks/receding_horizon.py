@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State, ValueProducer
+from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
 
-from flipdiagram.blocks.mpc import CHANNELS
+from flipdiagram.blocks._commands import CHANNELS, Commands, declare_commands, standing
 from flipdiagram.contact import Floats
 from flipdiagram.errors import PlanningError, ScenarioError
 from flipdiagram.planning.command import Command, of_object
@@ -101,11 +101,9 @@ class RecedingHorizonController(LeafSystem):
         fewest: int = 1,
     ) -> None:
         super().__init__()
-        if not (math.isfinite(start_time) and start_time >= 0):
-            raise ScenarioError(f"start_time = {start_time} s; it must be finite and >= 0")
         self._planner, self._again, self.timing = planner, again, timing
-        self.start_time, self._measured, self._fewest = float(start_time), measured, fewest
-        self._hold = np.array(hold, dtype=float)
+        self._hold, self.start_time = standing(hold, start_time)
+        self._measured, self._fewest = measured, fewest
         self._x = self.DeclareVectorInputPort("x", CHANNELS)
         self._v = self.DeclareVectorInputPort("v", CHANNELS)
         self._q = self.DeclareVectorInputPort("q", joints)
@@ -116,15 +114,8 @@ class RecedingHorizonController(LeafSystem):
         while first < 0:
             first += timing.period
         self.DeclarePeriodicUnrestrictedUpdateEvent(timing.period, first, self._plan_again)
-        self._command = self.DeclareCacheEntry(
-            "command",
-            ValueProducer(allocate=lambda: Value[object](), calc=self._calc_command),
-            {self.time_ticket(), self.abstract_state_ticket(self._state)},
-        )
-        ticket = {self.cache_entry_ticket(self._command.cache_index())}
-        for i, name in enumerate(("x_cmd", "v_cmd", "a_cmd")):
-            self.DeclareVectorOutputPort(name, CHANNELS, self._writer(i), ticket)
         state = {self.abstract_state_ticket(self._state)}
+        declare_commands(self, self._commands, {self.time_ticket(), *state})
         numbers: dict[str, Callable[[Horizon], float]] = {
             "solve_time": lambda horizon: horizon.solve_time,
             "iterations": lambda horizon: float(horizon.iterations),
@@ -208,20 +199,14 @@ class RecedingHorizonController(LeafSystem):
         following = Command(plan, begins, shift=shift).led_over_from(command, self.timing.blend)
         return replace(found, following=following, status=Status.REPLANNED)
 
-    def _calc_command(self, context: Context, value: Value) -> None:
+    def _commands(self, context: Context) -> Commands:
         x, v, a = self._hold.copy(), np.zeros(CHANNELS), np.zeros(CHANNELS)
         now = context.get_time() - self.start_time
         command = self.horizon(context).at(now)
         # until the motion starts the tool stays where it stands, which need not be where the plan begins
         if command is not None and now >= -1e-9:
             x[:3], v[:3], a[:3] = command.at(now)
-        value.set_value((x, v, a))
-
-    def _writer(self, index: int) -> Callable[[Context, BasicVector], None]:
-        def write(context: Context, output: BasicVector) -> None:
-            output.set_value(self._command.Eval(context)[index])
-
-        return write
+        return x, v, a
 
     def _number(self, read: Callable[[Horizon], float]) -> Callable[[Context, BasicVector], None]:
         def write(context: Context, output: BasicVector) -> None:
