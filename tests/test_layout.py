@@ -15,7 +15,7 @@ LONGEST = 300
 # Each module may import only from those above it; a folder stands for all its files.
 ORDER = (
     "errors", "files", "parallel", "scenario_io", "scenario_one_dof", "scenario_parts", "scenario_place", "scenario", "contact", "transfer",
-    "arm_files", "assets", "provenance", "task_space", "inverse_kinematics", "assembly", "arm", "parts",
+    "arm_files", "assets", "provenance", "task_space", "inverse_kinematics", "assembly", "arm", "serial_chain", "parts",
     "planning", "blocks", "plants", "replacement", "controller", "one_dof_loop", "loop", "compiled", "recording", "margins", "simulate", "metrics", "second_engine", "studies",
     "scene", "sketch", "snapshots", "figures", "frequency_figures", "replay", "gallery", "grid", "tables", "campaign", "campaign_figures", "campaign_tables", "campaign_report",
     "frequency_tables", "experiment_figures", "experiment_tables", "border_figures", "border_tables", "replanning_tables", "place_figures", "place_tables", "results", "drawing", "diagrams", "api", "report",

@@ -12,7 +12,7 @@ from flipdiagram.contact import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import constraints, limits
 from flipdiagram.planning.constraints import Trajectory
-from flipdiagram.planning.engines import Program, make_program
+from flipdiagram.planning.engines import CONDENSED, Program, compiled_rows, make_program
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.model import LandingCost, flight
 from flipdiagram.planning.program import Solution
@@ -61,9 +61,12 @@ TURN = (0.8, 1.6, 2.4)
 
 
 class Convexification:
-    """Solves single horizons of a scenario.  The program is built here, once; `settle` changes its numbers."""
+    """Solves single horizons of a scenario.  The program is built here, once; `settle` changes its numbers.
 
-    def __init__(self, scenario: Scenario, arm: ArmModel) -> None:
+    native: linearise by compiled loops, equal to rounding; None: where the solver is the condensed program's.
+    """
+
+    def __init__(self, scenario: Scenario, arm: ArmModel, native: bool | None = None) -> None:
         self.scenario, self.arm = scenario, arm
         settings, task = scenario.planner, scenario.task
         self.layout = Layout(settings.contact_samples[1], settings.brake_samples)
@@ -73,6 +76,9 @@ class Convexification:
         self.shift, self._in_motion = 0.0, False
         self.program_times: list[float] = []
         self._program = self._build(())
+        # by default the first plan stays what Drake's own arithmetic makes of it, to the bit
+        native = settings.solver == CONDENSED if native is None else native
+        self._native = compiled_rows(scenario, arm, self.layout) if native else None
         self._elastic: Program | None = None
         self._q_start: Floats | None = None
 
@@ -104,7 +110,9 @@ class Convexification:
         """
         self.start, self.shift, self._in_motion = state, shift, True
         tool = self._tool(state[None, :])[0]
-        self._q_start = self.arm.inverse_kinematics(limits.task_pose(tool, self.scenario.task.start_x), q_seed)
+        pose = limits.task_pose(tool, self.scenario.task.start_x)
+        near = self._native.joint_angles(pose, q_seed) if self._native else None
+        self._q_start = self.arm.inverse_kinematics(pose, q_seed) if near is None else near
 
     def _tool(self, states: Floats) -> Floats:
         """States (..., 6) of the tool's control point under an object with these states; velocities as they are."""
@@ -151,8 +159,14 @@ class Convexification:
             self.arm, self._tool(point.states[moving]), point.inputs[moving], self.scenario.task.start_x, self.q_start
         )
 
-    def rows(self, point: Trajectory) -> tuple[Rows, limits.JointMotion]:
-        """All inequality rows, linearised about a trajectory, and the arm's motion along it."""
+    def rows(self, point: Trajectory, grouped: bool = True) -> tuple[Rows, limits.JointMotion]:
+        """All inequality rows, linearised about a trajectory, and the arm's motion along it.
+
+        grouped: the rows know the constraint that they come from, which compiled loops do not tell.
+        """
+        if self._native and not grouped:
+            tool = self._tool(point.states)
+            return self._native.rows(point, tool, self.q_start, self.allowed, self.shift, self._in_motion)
         rows, layout, scenario = Rows(), self.layout, self.scenario
         constraints.contact_rows(rows, layout, point, scenario)
         constraints.workspace_rows(rows, layout, point, scenario)
@@ -169,7 +183,7 @@ class Convexification:
 
     def solve(self, point: Trajectory, trust: float, elastic: bool = False) -> tuple[Solution, limits.JointMotion]:
         """One quadratic program, linearised about a trajectory."""
-        rows, motion = self.rows(point)
+        rows, motion = self.rows(point, grouped=elastic)
         if elastic and self._elastic is None:
             self._elastic = self._build(GROUPS)
         program = self._elastic if elastic and self._elastic is not None else self._program

@@ -1,16 +1,23 @@
-"""Which program solves a horizon: Drake's MathematicalProgram with one of its solvers, or the condensed one by DAQP."""
+"""Which program solves a horizon: Drake's MathematicalProgram with one of its solvers, or the condensed one by DAQP;
+and what linearises for it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
+from flipdiagram.arm import ArmModel
 from flipdiagram.contact import Floats
 from flipdiagram.planning.condensed import CondensedProgram
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.model import LandingCost
 from flipdiagram.planning.program import HorizonProgram, Solution
 from flipdiagram.planning.rows import Rows
+from flipdiagram.scenario import Scenario
+from flipdiagram.serial_chain import serial_chain
+
+if TYPE_CHECKING:
+    from flipdiagram.planning.native import Linearisation
 
 CONDENSED = "daqp"
 """`planner.solver` by which the condensed program is chosen."""
@@ -33,6 +40,14 @@ class Program(Protocol):
 
     def solve(self) -> Solution:
         """Solve with the current numbers."""
+
+
+def compiled_rows(scenario: Scenario, arm: ArmModel, layout: Layout) -> Linearisation | None:
+    """The compiled loops that linearise for an arm; None where it is not one chain of revolute joints."""
+    from flipdiagram.planning.native import Linearisation  # imports numba
+
+    chain = serial_chain(arm)
+    return Linearisation(scenario, arm, chain, layout) if chain else None
 
 
 def make_program(

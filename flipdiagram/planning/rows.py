@@ -53,3 +53,36 @@ class Rows:
     def groups(self) -> list[str]:
         """The group of every row, in order."""
         return [name for name, size in self._groups for _ in range(size)]
+
+
+class FilledRows(Rows):
+    """Rows that were written into arrays by compiled loops; they belong to no group."""
+
+    def __init__(self, rows: NDArray[np.int64], columns: NDArray[np.int64], values: Floats, upper: Floats) -> None:
+        super().__init__()
+        self._entries = (rows, columns, values, upper)
+        self.count = upper.size
+
+    def entries(self) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats, Floats]:
+        """As `Rows.entries`."""
+        return self._entries
+
+
+class Buffer:
+    """Arrays to which compiled loops append rows: `arrays` = rows, columns, values, upper, and how many of either."""
+
+    def __init__(self, rows: int, entries: int) -> None:
+        self._counts = np.zeros(2, dtype=np.int64)
+        places, values = np.empty((2, entries), dtype=np.int64), np.empty(entries)
+        self.arrays = (places[0], places[1], values, np.empty(rows), self._counts)
+
+    def start(self) -> None:
+        """Forget what is there."""
+        self._counts[:] = 0
+
+    def finish(self) -> FilledRows:
+        """A copy of what is there."""
+        rows, columns, values, upper, (count, entries) = self.arrays
+        return FilledRows(
+            rows[:entries].copy(), columns[:entries].copy(), values[:entries].copy(), upper[:count].copy()
+        )

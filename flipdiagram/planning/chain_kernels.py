@@ -1,0 +1,222 @@
+"""Kinematics of a serial chain of revolute joints, along many samples at once, as loops that numba compiles.
+
+The chain is described at q = 0, all in the base frame: joint i turns about the axis a_i through the point c_i; its
+link has its mass centre at g_i and the inertia I_i about it; the control point C is at `tip`, turned by `tip_turn`.  So
+    T_i(q) = T_{i-1}(q) · (rotation by q_i about a_i through c_i),
+and at q the axis is where T_{i-1} brings it, the link where T_i does.  This module imports numba: import it only where
+it is used.  Nothing here calls what another file compiles, as numba's cache would not notice that it has changed.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from flipdiagram.planning.jit import jit
+
+TURN = 2 * math.pi
+COS_PITCH_MIN = 1e-6
+"""As in task_space: below, θ and yaw turn about the same axis."""
+ITERATIONS = 12
+"""Newton iterations per sample; more means that the path is hard, and the search in inverse_kinematics takes over."""
+LONGEST_STEP = 0.3
+"""Most that a joint turns from one sample to the next [rad], as in inverse_kinematics."""
+
+@jit
+def place(q: Any, axes: Any, points: Any, centres: Any, inertias: Any, tip: Any, tip_turn: Any, massive: bool,
+          w: Any, o: Any, c: Any, links: Any, end: Any) -> None:  # fmt: skip
+    """Fill where things are at q: axes w, points on them o (n, 3); end (4, 3): rotation in rows 0-2, position of C in
+    row 3; where `massive` the mass centres c (n, 3) and inertias `links` (n, 3, 3) too."""
+    R, E, S = np.eye(3), np.empty((3, 3)), np.empty((3, 3))
+    p = np.zeros(3)
+    for i in range(q.size):
+        for r in range(3):
+            w[i, r] = R[r, 0] * axes[i, 0] + R[r, 1] * axes[i, 1] + R[r, 2] * axes[i, 2]
+            o[i, r] = R[r, 0] * points[i, 0] + R[r, 1] * points[i, 1] + R[r, 2] * points[i, 2] + p[r]
+        x, y, z = axes[i, 0], axes[i, 1], axes[i, 2]
+        sine, cosine = math.sin(q[i]), math.cos(q[i])
+        rest = 1.0 - cosine
+        E[0, 0], E[0, 1], E[0, 2] = cosine + rest * x * x, rest * x * y - sine * z, rest * x * z + sine * y
+        E[1, 0], E[1, 1], E[1, 2] = rest * x * y + sine * z, cosine + rest * y * y, rest * y * z - sine * x
+        E[2, 0], E[2, 1], E[2, 2] = rest * x * z - sine * y, rest * y * z + sine * x, cosine + rest * z * z
+        for r in range(3):
+            for s in range(3):
+                S[r, s] = R[r, 0] * E[0, s] + R[r, 1] * E[1, s] + R[r, 2] * E[2, s]
+        for r in range(3):
+            for s in range(3):
+                R[r, s] = S[r, s]
+        # the axis stays where it is: p = o − R c
+        for r in range(3):
+            p[r] = o[i, r] - (R[r, 0] * points[i, 0] + R[r, 1] * points[i, 1] + R[r, 2] * points[i, 2])
+        if not massive:
+            continue
+        for r in range(3):
+            c[i, r] = R[r, 0] * centres[i, 0] + R[r, 1] * centres[i, 1] + R[r, 2] * centres[i, 2] + p[r]
+            for s in range(3):
+                S[r, s] = R[r, 0] * inertias[i, 0, s] + R[r, 1] * inertias[i, 1, s] + R[r, 2] * inertias[i, 2, s]
+        for r in range(3):
+            for s in range(3):
+                links[i, r, s] = S[r, 0] * R[s, 0] + S[r, 1] * R[s, 1] + S[r, 2] * R[s, 2]
+    for r in range(3):
+        for s in range(3):
+            end[r, s] = R[r, 0] * tip_turn[0, s] + R[r, 1] * tip_turn[1, s] + R[r, 2] * tip_turn[2, s]
+        end[3, r] = R[r, 0] * tip[0] + R[r, 1] * tip[1] + R[r, 2] * tip[2] + p[r]
+
+
+@jit
+def rates(end: Any, w_y: float, w_x: float, w_z: float) -> tuple[float, float, float]:
+    """θ', pitch', yaw' of an angular velocity: the rows of task_space.rate_map."""
+    cos_pitch = math.hypot(end[0, 0], end[1, 0])
+    cos_yaw, sin_yaw = end[0, 0] / cos_pitch, end[1, 0] / cos_pitch
+    theta = (cos_yaw * w_x + sin_yaw * w_y) / cos_pitch
+    return theta, cos_yaw * w_y - sin_yaw * w_x, w_z - end[2, 0] * theta
+
+
+@jit
+def jacobian(w: Any, o: Any, end: Any, J: Any) -> bool:
+    """Fill J (6, n) of the task coordinates (y, z, θ, x, pitch, yaw); False where pitch is ±90°."""
+    if math.hypot(end[0, 0], end[1, 0]) < COS_PITCH_MIN:
+        return False
+    for i in range(w.shape[0]):
+        x, y, z = end[3, 0] - o[i, 0], end[3, 1] - o[i, 1], end[3, 2] - o[i, 2]
+        J[3, i] = w[i, 1] * z - w[i, 2] * y
+        J[0, i] = w[i, 2] * x - w[i, 0] * z
+        J[1, i] = w[i, 0] * y - w[i, 1] * x
+        J[2, i], J[4, i], J[5, i] = rates(end, w[i, 1], w[i, 0], w[i, 2])
+    return True
+
+
+@jit
+def pose_error(target: Any, end: Any, error: Any) -> float:
+    """Fill target − x (6,), angles the short way round; returns the largest of them."""
+    error[0], error[1], error[3] = target[0] - end[3, 1], target[1] - end[3, 2], target[3] - end[3, 0]
+    error[2] = target[2] - math.atan2(end[2, 1], end[2, 2])
+    error[4] = target[4] - math.atan2(-end[2, 0], math.hypot(end[0, 0], end[1, 0]))
+    error[5] = target[5] - math.atan2(end[1, 0], end[0, 0])
+    largest = 0.0
+    for i in range(6):
+        if i == 2 or i > 3:
+            error[i] -= TURN * np.rint(error[i] / TURN)
+        largest = max(largest, abs(error[i]))
+    return largest
+
+
+@jit
+def pseudo_inverse(J: Any, P: Any, G: Any) -> bool:
+    """Fill P (n, 6) = Jᵀ (J Jᵀ)⁻¹ by Cholesky, G (6, 6) being scratch; False where J has lost its rank."""
+    n = J.shape[1]
+    for r in range(6):
+        for s in range(r + 1):
+            total = 0.0
+            for j in range(n):
+                total += J[r, j] * J[s, j]
+            for k in range(s):
+                total -= G[r, k] * G[s, k]
+            if r == s:
+                if total <= 1e-14:
+                    return False
+                G[r, r] = math.sqrt(total)
+            else:
+                G[r, s] = total / G[s, s]
+    for j in range(n):
+        for r in range(6):
+            total = J[r, j]
+            for k in range(r):
+                total -= G[r, k] * P[j, k]
+            P[j, r] = total / G[r, r]
+        for r in range(5, -1, -1):
+            total = P[j, r]
+            for k in range(r + 1, 6):
+                total -= G[k, r] * P[j, k]
+            P[j, r] = total / G[r, r]
+    return True
+
+
+@jit
+def bias_acceleration(qd: Any, w: Any, o: Any, end: Any, bias: Any) -> None:
+    """Fill J' q̇ (6,): the acceleration of the task coordinates without any of the joints."""
+    vx = vy = vz = ax = ay = az = bx = by = bz = 0.0
+    n = qd.size
+    for i in range(n + 1):
+        if i > 0:
+            x, y, z = (end[3, 0], end[3, 1], end[3, 2]) if i == n else (o[i, 0], o[i, 1], o[i, 2])
+            x, y, z = x - o[i - 1, 0], y - o[i - 1, 1], z - o[i - 1, 2]
+            dot, square = vx * x + vy * y + vz * z, vx * vx + vy * vy + vz * vz
+            bx += ay * z - az * y + vx * dot - x * square
+            by += az * x - ax * z + vy * dot - y * square
+            bz += ax * y - ay * x + vz * dot - z * square
+        if i < n:
+            s = qd[i]
+            ax += (vy * w[i, 2] - vz * w[i, 1]) * s
+            ay += (vz * w[i, 0] - vx * w[i, 2]) * s
+            az += (vx * w[i, 1] - vy * w[i, 0]) * s
+            vx += w[i, 0] * s
+            vy += w[i, 1] * s
+            vz += w[i, 2] * s
+    bias[0], bias[1], bias[3] = by, bz, bx
+    theta_a, pitch_a, yaw_a = rates(end, ay, ax, az)
+    theta_v, pitch_v, yaw_v = rates(end, vy, vx, vz)
+    cos_pitch = math.hypot(end[0, 0], end[1, 0])
+    theta = pitch_v * (yaw_v - end[2, 0] * theta_v) / cos_pitch  # N' [ω; p'], as in task_space.rate_bias
+    bias[2] = theta_a + theta
+    bias[4] = pitch_a - yaw_v * theta_v * cos_pitch
+    bias[5] = yaw_a + pitch_v * theta_v * cos_pitch - end[2, 0] * theta
+
+
+@jit
+def follow(targets: Any, tolerance: float, axes: Any, points: Any, tip: Any, tip_turn: Any, q: Any) -> int:
+    """Fill q (K, n) along the task poses (K, 6); q[0] is given, and each sample starts from the quadratic extrapolation
+    of the three before.  Returns the first sample that Newton's method does not reach, K where it reaches all."""
+    count, n = q.shape
+    w, o, c, links = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3, 3))
+    end, J, P, G, error = np.empty((4, 3)), np.empty((6, n)), np.empty((n, 6)), np.zeros((6, 6)), np.empty(6)
+    massless = np.zeros((n, 3, 3))
+    for k in range(1, count):
+        for i in range(n):
+            if k == 1:
+                q[k, i] = q[0, i]
+            elif k == 2:
+                q[k, i] = 2 * q[1, i] - q[0, i]
+            else:
+                q[k, i] = 3 * (q[k - 1, i] - q[k - 2, i]) + q[k - 3, i]
+        reached = False
+        for _ in range(ITERATIONS):
+            place(q[k], axes, points, points, massless, tip, tip_turn, False, w, o, c, links, end)
+            if pose_error(targets[k], end, error) < tolerance:
+                reached = True
+                break
+            if not jacobian(w, o, end, J) or not pseudo_inverse(J, P, G):
+                break
+            longest = 0.0
+            for i in range(n):
+                step = 0.0
+                for r in range(6):
+                    step += P[i, r] * error[r]
+                q[k, i] += step
+                longest = max(longest, abs(step))
+            if not longest < LONGEST_STEP:
+                break
+        for i in range(n):
+            reached = reached and abs(q[k, i] - q[k - 1, i]) <= LONGEST_STEP
+        if not reached:
+            return k
+    return count
+
+
+@jit
+def along(q: Any, v: Any, axes: Any, points: Any, centres: Any, inertias: Any, tip: Any, tip_turn: Any, massive: bool,
+          w: Any, o: Any, c: Any, links: Any, P: Any, qd: Any, bias: Any) -> bool:  # fmt: skip
+    """Fill for joint angles q (K, n) and tool velocities v (K, 3): w, o, c (K, n, 3), links (K, n, 3, 3) of `place`,
+    P = J⁻¹ (K, n, 6), q̇ = P v (K, n), J' q̇ (K, 6).  False where J has no inverse."""
+    count, n = q.shape
+    end, J, G = np.empty((4, 3)), np.empty((6, n)), np.zeros((6, 6))
+    for k in range(count):
+        place(q[k], axes, points, centres, inertias, tip, tip_turn, massive, w[k], o[k], c[k], links[k], end)
+        if not jacobian(w[k], o[k], end, J) or not pseudo_inverse(J, P[k], G):
+            return False
+        for i in range(n):
+            qd[k, i] = P[k, i, 0] * v[k, 0] + P[k, i, 1] * v[k, 1] + P[k, i, 2] * v[k, 2]
+        bias_acceleration(qd[k], w[k], o[k], end, bias[k])
+    return True

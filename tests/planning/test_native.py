@@ -1,0 +1,150 @@
+"""The compiled loops against Drake's multibody code and against the rows that NumPy makes."""
+
+from importlib.metadata import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydrake.multibody.tree import PrismaticJoint
+
+from flipdiagram.arm import ArmModel
+from flipdiagram.arm_files import ArmFile
+from flipdiagram.errors import PlanningError
+from flipdiagram.planning import limits
+from flipdiagram.planning.constraints import Trajectory
+from flipdiagram.planning.convexification import Convexification
+from flipdiagram.planning.native import Along
+from flipdiagram.scenario import Scenario
+from flipdiagram.serial_chain import serial_chain
+
+
+def package_file(ending):
+    (found,) = [file for file in files("example-robot-data") if str(file).endswith(ending)]
+    return str(Path(str(found.locate())).resolve())
+
+
+ROTORS = (0.6, 0.6, 0.5, 0.5, 0.2, 0.2, 0.2)
+ARMS = {
+    "MH3F": {"payload_mass": 0.05, "payload_inertia": 1e-5},
+    "turned base": {"base_pose": (0.1, -0.2, 0.3, 0.4), "link_inertia_scales": [1.5, 0.5, 1, 2, 1, 1]},
+    "UR5": {"arm": ArmFile(package_file("ur_description/urdf/ur5_joint_limited_robot.urdf"), "base_link", "tool0")},
+    "Panda": {"arm": ArmFile(package_file("panda_description/urdf/panda.urdf"), "panda_link0", "panda_link8", reflected_inertia=ROTORS)},
+}
+
+
+@pytest.fixture(scope="module", params=ARMS)
+def any_arm(request):
+    return ArmModel(**ARMS[request.param])
+
+
+def test_kinematics_and_dynamics_are_those_of_drake(any_arm):
+    rng, n = np.random.default_rng(0), any_arm.n_joints
+    q = any_arm.home + rng.uniform(-0.5, 0.5, (40, n))
+    v, a = rng.normal(size=(40, 3)), 10 * rng.normal(size=(40, 3))
+    along = Along(serial_chain(any_arm), q, v)
+    assert along.regular
+    tau, by_input = along.torques(a), along.inertia_of_task()
+    for k in range(40):
+        inverse = np.linalg.pinv(any_arm.task_jacobian(q[k])[1])
+        size = np.abs(inverse).max()
+        np.testing.assert_allclose(along.from_task[k], inverse, atol=1e-10 * size**2)
+        qd = along.qd[k]
+        np.testing.assert_allclose(qd, inverse[:, :3] @ v[k], atol=1e-10 * size**2)
+        bias = any_arm.task_kinematics(q[k], qd)[3]
+        np.testing.assert_allclose(along.bias[k], bias, atol=1e-11 * (1 + np.abs(bias).max()))
+        qdd = along.from_task[k] @ (np.array([*a[k], 0, 0, 0]) - bias)
+        expected = any_arm.inverse_dynamics(q[k], qd, qdd)
+        np.testing.assert_allclose(tau[k], expected, atol=1e-10 * (1 + np.abs(expected).max()))
+        expected = any_arm.mass_matrix(q[k]) @ along.from_task[k, :, :3]
+        np.testing.assert_allclose(by_input[k], expected, atol=1e-11 * (1 + np.abs(expected).max()))
+
+
+def test_the_wrist_of_the_mh3f_is_singular_when_straight(arm):
+    straight = arm.home.copy()
+    straight[4] = 0.0
+    assert np.linalg.svd(arm.task_jacobian(straight)[1], compute_uv=False)[-1] < 1e-9
+    assert not Along(serial_chain(arm), straight[None], np.zeros((1, 3))).regular
+
+
+SCENARIOS = {
+    "default": {},
+    "low friction": {"object.friction": 0.5},
+    "weak": {"arm.torque_scale": 0.25, "arm.speed_scale": 1.2},
+    "other sizes": {"object.length": 0.08, "object.thickness": 0.02, "task.start_x": 0.48, "table.height": 0.02},
+}
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.01])
+@pytest.mark.parametrize("fields", SCENARIOS.values(), ids=SCENARIOS)
+def test_all_rows_are_those_of_numpy(fields, shift):
+    scenario = Scenario().with_overrides({**fields, "planner.solver": "daqp"})
+    horizons = Convexification(scenario, ArmModel(scenario.object.thickness / 2, torque_scale=scenario.arm.torque_scale))
+    point = horizons.guess(24, 5)
+    rng = np.random.default_rng(1)
+    first = horizons.layout.release - 24
+    point.states[first + 1 :] += rng.normal(size=(len(point.states) - first - 1, 6)) * [0.003, 0.003, 0.02, 0.1, 0.1, 1]
+    point.inputs[first:] += rng.normal(size=(len(point.inputs) - first, 3)) * [3, 3, 30]
+    if shift:
+        state = point.states[first]
+        horizons.restart(state, horizons.q_start, shift)
+    (compiled, motion), (rows, expected) = horizons.rows(point, grouped=False), horizons.rows(point)
+    for name in ("q", "qd", "torque", "from_task", "torque_from_task"):
+        np.testing.assert_allclose(getattr(motion, name), getattr(expected, name), rtol=1e-9, atol=1e-10)
+    (A, b), (A_numpy, b_numpy) = (found.matrix(horizons.layout.size) for found in (compiled, rows))
+    assert A.shape == A_numpy.shape
+    if "arm.torque_scale" in fields:
+        assert limits.TORQUE in rows.groups()
+    group = np.array(rows.groups())
+    for name in set(group):  # derivatives by differences keep half of the digits
+        near = 1e-6 if name in (limits.SPEED, limits.TORQUE) else 1e-11
+        at = np.flatnonzero(group == name)
+        np.testing.assert_allclose(A[at].toarray(), A_numpy[at].toarray(), rtol=near, atol=near, err_msg=name)
+        np.testing.assert_allclose(b[at], b_numpy[at], rtol=near, atol=10 * near, err_msg=name)
+
+
+def test_a_path_out_of_reach_is_refused_as_by_numpy(scenario, arm):
+    horizons = Convexification(scenario.with_overrides({"planner.solver": "daqp"}), arm)
+    point = horizons.guess(24, 5)
+    point.states[:, 0] += 3.0
+    messages = []
+    for grouped in (True, False):
+        with pytest.raises(PlanningError) as caught:
+            horizons.rows(point, grouped=grouped)
+        messages.append(str(caught.value))
+    assert messages[0] == messages[1]
+
+
+def test_angles_at_a_pose_are_found_from_near_and_refused_outside_the_limits(scenario, arm):
+    native = Convexification(scenario.with_overrides({"planner.solver": "daqp"}), arm)._native
+    q = arm.home + 0.05
+    pose = arm.task_position(q)
+    np.testing.assert_allclose(native.joint_angles(pose, arm.home), q, atol=1e-8)
+    assert native.joint_angles(pose + [5.0, 0, 0, 0, 0, 0], arm.home) is None
+    over = np.array(arm.home)
+    over[5] = arm.q_max[5] + 0.1
+    assert native.joint_angles(arm.task_position(over), over) is None
+
+
+def test_what_is_no_chain_of_revolute_joints_falls_back(scenario, arm, monkeypatch):
+    monkeypatch.setattr("flipdiagram.serial_chain.RevoluteJoint", PrismaticJoint)
+    horizons = Convexification(scenario.with_overrides({"planner.solver": "daqp"}), arm)
+    assert horizons._native is None
+    rows, _ = horizons.rows(horizons.guess(24, 5), grouped=False)
+    assert rows.groups()
+
+
+def test_the_first_plan_of_other_solvers_is_left_to_drake(scenario, arm):
+    assert Convexification(scenario, arm)._native is None
+
+
+def test_a_trajectory_is_not_changed(scenario, arm):
+    horizons = Convexification(scenario.with_overrides({"planner.solver": "daqp"}), arm)
+    point = horizons.guess(24, 5)
+    before = Trajectory(point.states.copy(), point.inputs.copy(), 24, 5, point.sampling_time)
+    first, _ = horizons.rows(point, grouped=False)
+    kept = [array.copy() for array in first.entries()]
+    horizons.rows(before, grouped=False)
+    for array, copy in zip(first.entries(), kept, strict=True):  # rows outlive the next linearisation
+        np.testing.assert_array_equal(array, copy)
+    np.testing.assert_array_equal(point.states, before.states)
+    np.testing.assert_array_equal(point.inputs, before.inputs)
