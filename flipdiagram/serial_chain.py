@@ -59,7 +59,7 @@ def serial_chain(arm: ArmModel) -> SerialChain | None:
         for index in plant.GetJointActuatorIndices():
             if plant.get_joint_actuator(index).joint().index() == joint.index():
                 rotor[i] += plant.get_joint_actuator(index).default_reflected_inertia()
-    X_WC = handles_frame(arm).CalcPoseInWorld(context)
+    X_WC = plant.get_frame(handles.control_point.index()).CalcPoseInWorld(context)
     return SerialChain(
         axes=_rows(X.rotation().matrix() @ joint.revolute_axis() for X, joint in zip(frames, joints, strict=True)),
         points=_rows(X.translation() for X in frames),
@@ -72,11 +72,6 @@ def serial_chain(arm: ArmModel) -> SerialChain | None:
         tip_turn=np.ascontiguousarray(X_WC.rotation().matrix(), dtype=float),
         gravity=float(gravity[2]),
     )
-
-
-def handles_frame(arm: ArmModel) -> Any:
-    """The frame of C in the arm's plant, whichever copy of it that is."""
-    return arm.plant.get_frame(arm.handles.control_point.index())
 
 
 def _rows(arrays: Any) -> Floats:

@@ -1,10 +1,9 @@
 """Arms, tools and objects of the user's own: the same arm in three formats, two arms of a package, and what is refused."""
 
-from importlib.metadata import files
-from pathlib import Path
 
 import numpy as np
 import pytest
+from robots import package_file
 
 from flipdiagram import assets
 from flipdiagram.arm import ArmModel
@@ -121,11 +120,6 @@ def test_given_rotor_inertia_stands_on_the_diagonal_of_the_mass_matrix(tmp_path)
     rotors = np.array([1.0, 0.9, 0.5, 0.2, 0.1, 0.05])
     bare, geared = arm_of(tmp_path, "arm.urdf"), arm_of(tmp_path, "arm.urdf", reflected_inertia=tuple(rotors))
     np.testing.assert_allclose(geared.mass_matrix(HOME) - bare.mass_matrix(HOME), np.diag(rotors), atol=1e-12)
-
-
-def package_file(ending):
-    (found,) = [file for file in files("example-robot-data") if str(file).endswith(ending)]
-    return str(Path(str(found.locate())).resolve())
 
 
 UR5 = {

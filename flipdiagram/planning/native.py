@@ -1,4 +1,4 @@
-"""All rows about a trajectory, and the arm's motion along it, by compiled loops: some forty times sooner than by NumPy.
+"""All rows about a trajectory, and the arm's motion along it, by compiled loops: some twenty times sooner than NumPy.
 
 The same numbers as constraints.py and limits.py give, to rounding; tests compare the two.  This module imports numba.
 """
@@ -13,8 +13,8 @@ from flipdiagram.arm import ArmModel
 from flipdiagram.contact import GRAVITY_Z, Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import chain_kernels as kinematics
-from flipdiagram.planning import dynamics_kernels as dynamics
 from flipdiagram.planning import limits, row_kernels
+from flipdiagram.planning.along import Along
 from flipdiagram.planning.constraints import Geometry, Trajectory
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.limits import NEAR, STEP, Allowed, JointMotion
@@ -24,41 +24,6 @@ from flipdiagram.serial_chain import SerialChain
 
 REACHED = 1e-9
 """Largest error of a sample's task pose [m, rad], as in ArmModel.inverse_kinematics_path."""
-
-
-class Along:
-    """What chain_kernels.along fills for joint angles q (K, n) and tool velocities v (K, 3).
-
-    massive: torques will be asked for.
-    """
-
-    def __init__(self, chain: SerialChain, q: Floats, v: Floats, massive: bool = True) -> None:
-        count, n = q.shape
-        self.chain = chain
-        self.w, self.o, self.c = np.empty((3, count, n, 3))
-        self.links, self.from_task = np.empty((count, n, 3, 3)), np.empty((count, n, 6))
-        self.qd, self.bias = np.empty((count, n)), np.empty((count, 6))
-        self.regular = kinematics.along(
-            q, v, chain.axes, chain.points, chain.centres, chain.inertias, chain.tip, chain.tip_turn,
-            massive, self.w, self.o, self.c, self.links, self.from_task, self.qd, self.bias,
-        )  # fmt: skip
-
-    def torques(self, a: Floats) -> Floats:
-        """τ (K, n) for tool accelerations a (K, 3)."""
-        chain, tau = self.chain, np.empty_like(self.qd)
-        dynamics.torques(
-            self.qd, a, self.from_task, self.bias, chain.gravity, self.w, self.o, self.c, self.links,
-            chain.mass, chain.rotor, chain.damping, tau,
-        )  # fmt: skip
-        return tau
-
-    def inertia_of_task(self) -> Floats:
-        """∂τ/∂a (K, n, 3)."""
-        chain, found = self.chain, np.empty((*self.qd.shape, 3))
-        dynamics.inertia_of_task(
-            self.from_task, self.w, self.o, self.c, self.links, chain.mass, chain.rotor, found
-        )
-        return found
 
 
 class Linearisation:

@@ -1,27 +1,19 @@
 """The compiled loops against Drake's multibody code and against the rows that NumPy makes."""
 
-from importlib.metadata import files
-from pathlib import Path
-
 import numpy as np
 import pytest
 from pydrake.multibody.tree import PrismaticJoint
+from robots import package_file
 
 from flipdiagram.arm import ArmModel
 from flipdiagram.arm_files import ArmFile
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import limits
+from flipdiagram.planning.along import Along
 from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.convexification import Convexification
-from flipdiagram.planning.native import Along
 from flipdiagram.scenario import Scenario
 from flipdiagram.serial_chain import serial_chain
-
-
-def package_file(ending):
-    (found,) = [file for file in files("example-robot-data") if str(file).endswith(ending)]
-    return str(Path(str(found.locate())).resolve())
-
 
 ROTORS = (0.6, 0.6, 0.5, 0.5, 0.2, 0.2, 0.2)
 ARMS = {

@@ -1,0 +1,48 @@
+"""A chain of joints along many samples at once: where it is, how fast, and what torques a motion costs.
+
+This module imports numba.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flipdiagram.contact import Floats
+from flipdiagram.planning import chain_kernels as kinematics
+from flipdiagram.planning import dynamics_kernels as dynamics
+from flipdiagram.serial_chain import SerialChain
+
+
+class Along:
+    """What chain_kernels.along fills for joint angles q (K, n) and tool velocities v (K, 3).
+
+    massive: torques will be asked for.
+    """
+
+    def __init__(self, chain: SerialChain, q: Floats, v: Floats, massive: bool = True) -> None:
+        count, n = q.shape
+        self.chain = chain
+        self.w, self.o, self.c = np.empty((3, count, n, 3))
+        self.links, self.from_task = np.empty((count, n, 3, 3)), np.empty((count, n, 6))
+        self.qd, self.bias = np.empty((count, n)), np.empty((count, 6))
+        self.regular = kinematics.along(
+            q, v, chain.axes, chain.points, chain.centres, chain.inertias, chain.tip, chain.tip_turn,
+            massive, self.w, self.o, self.c, self.links, self.from_task, self.qd, self.bias,
+        )  # fmt: skip
+
+    def torques(self, a: Floats) -> Floats:
+        """τ (K, n) for tool accelerations a (K, 3)."""
+        chain, tau = self.chain, np.empty_like(self.qd)
+        dynamics.torques(
+            self.qd, a, self.from_task, self.bias, chain.gravity, self.w, self.o, self.c, self.links,
+            chain.mass, chain.rotor, chain.damping, tau,
+        )  # fmt: skip
+        return tau
+
+    def inertia_of_task(self) -> Floats:
+        """∂τ/∂a (K, n, 3)."""
+        chain, found = self.chain, np.empty((*self.qd.shape, 3))
+        dynamics.inertia_of_task(
+            self.from_task, self.w, self.o, self.c, self.links, chain.mass, chain.rotor, found
+        )
+        return found
