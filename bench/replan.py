@@ -28,7 +28,7 @@ from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.convexification import Convexification
 from flipdiagram.planning.engines import Program, make_program
 from flipdiagram.planning.horizon import Layout
-from flipdiagram.planning.native import Linearisation
+from flipdiagram.planning.native.linearisation import Linearisation
 from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.program import HorizonProgram, Solution
 from flipdiagram.planning.replanner import Replanner
@@ -307,11 +307,6 @@ def moving(horizons: Convexification, point: Trajectory) -> Trajectory:
 
 
 def sections(repetitions: int, quick: bool) -> Iterator[Section]:
-    """N = 25 and N = 50, then J beside that of the nonlinear reference."""
-    from bench import optimality
-
-    starts = 4 if quick else STARTS
+    """N = 25 and N = 50."""
     for intervals in MEDIAN:
-        yield measure(intervals, repetitions, starts)
-    if find_spec(casadi_plan.PACKAGE):
-        yield optimality.measure(4 if quick else optimality.STARTS)
+        yield measure(intervals, repetitions, 4 if quick else STARTS)

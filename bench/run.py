@@ -1,6 +1,6 @@
 """Measures the speed of flipdiagram against its targets, prints it, and writes bench.json and bench.md.
 
-    python bench/run.py --out out/bench [--quick] [--only command frequency plan resolve replan simulation]
+    python bench/run.py --out out/bench [--quick] [--only campaign command frequency plan resolve replan simulation]
 
 It measures, others judge: the exit code is 0 whatever the verdicts say.
 """
@@ -15,6 +15,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -62,9 +63,12 @@ def _resolve(repetitions: int, quick: bool) -> Iterator[Section]:
 
 
 def _replan(repetitions: int, quick: bool) -> Iterator[Section]:
-    from bench import replan
+    from bench import optimality, replan
+    from bench.contenders import casadi_plan
 
     yield from replan.sections(repetitions, quick)
+    if find_spec(casadi_plan.PACKAGE):
+        yield optimality.measure(4 if quick else optimality.STARTS)
 
 
 def _simulation(repetitions: int, quick: bool) -> Iterator[Section]:

@@ -17,7 +17,7 @@ from flipdiagram.scenario import Scenario
 from flipdiagram.serial_chain import serial_chain
 
 if TYPE_CHECKING:
-    from flipdiagram.planning.native import Linearisation
+    from flipdiagram.planning.native.linearisation import Linearisation
 
 CONDENSED = "daqp"
 """`planner.solver` by which the condensed program is chosen."""
@@ -44,7 +44,7 @@ class Program(Protocol):
 
 def compiled_rows(scenario: Scenario, arm: ArmModel, layout: Layout) -> Linearisation | None:
     """The compiled loops that linearise for an arm; None where it is not one chain of revolute joints."""
-    from flipdiagram.planning.native import Linearisation  # imports numba
+    from flipdiagram.planning.native.linearisation import Linearisation  # imports numba
 
     chain = serial_chain(arm)
     return Linearisation(scenario, arm, chain, layout) if chain else None

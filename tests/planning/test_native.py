@@ -9,9 +9,9 @@ from flipdiagram.arm import ArmModel
 from flipdiagram.arm_files import ArmFile
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import limits
-from flipdiagram.planning.along import Along
 from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.convexification import Convexification
+from flipdiagram.planning.native.along import Along
 from flipdiagram.scenario import Scenario
 from flipdiagram.serial_chain import serial_chain
 

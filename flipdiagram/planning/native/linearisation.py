@@ -1,6 +1,6 @@
 """All rows about a trajectory, and the arm's motion along it, by compiled loops: some twenty times sooner than NumPy.
 
-The same numbers as constraints.py and limits.py give, to rounding; tests compare the two.  This module imports numba.
+The same numbers as constraints.py and limits.py give, to rounding; tests compare the two.
 """
 
 from __future__ import annotations
@@ -12,12 +12,13 @@ import numpy as np
 from flipdiagram.arm import ArmModel
 from flipdiagram.contact import GRAVITY_Z, Floats
 from flipdiagram.errors import PlanningError
-from flipdiagram.planning import chain_kernels as kinematics
-from flipdiagram.planning import limits, row_kernels
-from flipdiagram.planning.along import Along
+from flipdiagram.planning import limits
 from flipdiagram.planning.constraints import Geometry, Trajectory
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.limits import NEAR, STEP, Allowed, JointMotion
+from flipdiagram.planning.native import chain as kinematics
+from flipdiagram.planning.native import rows as row_kernels
+from flipdiagram.planning.native.along import Along
 from flipdiagram.planning.rows import Buffer, FilledRows
 from flipdiagram.scenario import Scenario
 from flipdiagram.serial_chain import SerialChain

@@ -1,6 +1,6 @@
 """Dynamics of a serial chain along many samples, as loops that numba compiles: recursive Newton-Euler equations.
 
-They take what chain_kernels.along fills.  This module imports numba: import it only where it is used.
+They take what chain.along fills.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flipdiagram.planning.jit import jit
+from flipdiagram.planning.native.jit import jit
 
 
 @jit

@@ -1,8 +1,7 @@
 """The rows of constraints.py and limits.py, linearised about a trajectory, as loops that numba compiles.
 
 Each function appends rows Σ value·w[column] ≤ upper, in the order in which their NumPy twins add them; `at` = (rows,
-entries) counts what is there.  Angles come as sin θ and cos θ from outside.  This module imports numba: import it only
-where it is used.
+entries) counts what is there.  Angles come as sin θ and cos θ from outside.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ import math
 from typing import Any
 
 from flipdiagram.planning.horizon import STATES, STRIDE
-from flipdiagram.planning.jit import jit
+from flipdiagram.planning.native.jit import jit
 
 THETA = 2
 

@@ -1,20 +1,17 @@
-"""A chain of joints along many samples at once: where it is, how fast, and what torques a motion costs.
-
-This module imports numba.
-"""
+"""A chain of joints along many samples at once: where it is, how fast, and what torques a motion costs."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from flipdiagram.contact import Floats
-from flipdiagram.planning import chain_kernels as kinematics
-from flipdiagram.planning import dynamics_kernels as dynamics
+from flipdiagram.planning.native import chain as kinematics
+from flipdiagram.planning.native import dynamics
 from flipdiagram.serial_chain import SerialChain
 
 
 class Along:
-    """What chain_kernels.along fills for joint angles q (K, n) and tool velocities v (K, 3).
+    """What chain.along fills for joint angles q (K, n) and tool velocities v (K, 3).
 
     massive: torques will be asked for.
     """

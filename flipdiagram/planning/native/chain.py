@@ -3,8 +3,8 @@
 The chain is described at q = 0, all in the base frame: joint i turns about the axis a_i through the point c_i; its
 link has its mass centre at g_i and the inertia I_i about it; the control point C is at `tip`, turned by `tip_turn`.  So
     T_i(q) = T_{i-1}(q) · (rotation by q_i about a_i through c_i),
-and at q the axis is where T_{i-1} brings it, the link where T_i does.  This module imports numba: import it only where
-it is used.  Nothing here calls what another file compiles, as numba's cache would not notice that it has changed.
+and at q the axis is where T_{i-1} brings it, the link where T_i does.  Nothing here calls what another file compiles,
+as numba's cache would not notice that it has changed.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from flipdiagram.planning.jit import jit
+from flipdiagram.planning.native.jit import jit
 
 TURN = 2 * math.pi
 COS_PITCH_MIN = 1e-6
