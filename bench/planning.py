@@ -1,13 +1,15 @@
 """Planning from cold: a fresh process imports, builds the program, and searches over contact and flight samples.
 
-`python -m bench.planning` is that process: it plans once and prints the times as JSON.
+`python -m bench.planning SOLVER` is that process: it plans once and prints the times as JSON.
 """
 
 from __future__ import annotations
 
 import json
 import statistics
+import sys
 import time
+from importlib.util import find_spec
 from typing import Any
 
 from bench.processes import fresh
@@ -27,8 +29,8 @@ TEXT = (
 
 def measure(repetitions: int) -> Section:
     """Plan in `repetitions` fresh processes, one after another."""
-    fresh("bench.planning")  # fills the file cache and the .pyc files
-    runs = [_run() for _ in range(repetitions)]
+    fresh("bench.planning", "clarabel")  # fills the file cache and the .pyc files
+    runs = [_run("clarabel") for _ in range(repetitions)]
     first = runs[0]
     section = Section("Plan from cold", TEXT)
 
@@ -44,6 +46,14 @@ def measure(repetitions: int) -> Section:
         add(part, part, 2)
     add("rest of the search", "rest", 2)
     section.add("one QP, solved (median of a search)", [statistics.median(run["programs"]) for run in runs])
+    if find_spec("daqp"):
+        _run("daqp")  # fills numba's cache
+        quick = [_run("daqp") for _ in range(repetitions)]
+        section.add("whole process, planner.solver: daqp", [run["process"] for run in quick])
+        section.add("search", [run["search"] for run in quick], indent=1)
+        slow, fast = (statistics.median(run["search"] for run in found) for found in (runs, quick))
+        section.add("search by clarabel / by daqp", [slow / fast], "x")
+        section.checks.append(f"daqp: J = {quick[0]['cost']:.4f}, {len(quick[0]['programs'])} QPs")
     agree = len({(run["cost"], len(run["programs"])) for run in runs}) == 1
     section.checks.append(
         f"J = {first['cost']:.4f}, residual {first['residual']:.1e};"
@@ -52,21 +62,21 @@ def measure(repetitions: int) -> Section:
     return section
 
 
-def _run() -> dict[str, Any]:
-    elapsed, times = fresh("bench.planning")
+def _run(solver: str) -> dict[str, Any]:
+    elapsed, times = fresh("bench.planning", solver)
     within = times["import"] + times["build"] + times["search"]
     return {"process": elapsed, "python": elapsed - within, **times}
 
 
-def plan_once() -> dict[str, Any]:
-    """Import, build, search, each with its time [s]."""
+def plan_once(solver: str) -> dict[str, Any]:
+    """Import, build, search, each with its time [s]; the parts of the search are those of Drake's programs."""
     begin = time.perf_counter()
     from flipdiagram.planning import Planner, convexification, limits
     from flipdiagram.planning.program import HorizonProgram
     from flipdiagram.scenario import Scenario
 
     imported = time.perf_counter()
-    planner = Planner(Scenario())
+    planner = Planner(Scenario().with_overrides({"planner.solver": solver}))
     built = time.perf_counter()
     own = SelfTimes()
     with (
@@ -77,7 +87,7 @@ def plan_once() -> dict[str, Any]:
     ):
         plan = planner.plan()
     search = time.perf_counter() - built
-    parts = {name: own.seconds[name] for name in PARTS}
+    parts = {name: own.seconds.get(name, 0.0) for name in PARTS}
     return {
         "import": imported - begin,
         "build": built - imported,
@@ -91,4 +101,4 @@ def plan_once() -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    print(json.dumps(plan_once()))
+    print(json.dumps(plan_once(sys.argv[1])))
