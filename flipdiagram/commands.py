@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, cast
 
-from flipdiagram.files import check_output_directory, versions, write_atomically, write_summary
+from flipdiagram.files import check_output_directory, sole_use, versions, write_atomically, write_summary
 from flipdiagram.terminal import console, status, summary_table
 
 if TYPE_CHECKING:
@@ -79,16 +79,19 @@ def frequency(arguments: argparse.Namespace, scenario: Scenario) -> None:
     out = check_output_directory(arguments.out)
 
     from flipdiagram.frequency_figures import write_figures
-    from flipdiagram.frequency_tables import claims_table, realisation_table, write_markdown
+    from flipdiagram.frequency_tables import claims_table, realisation_table, steadiness, write_markdown
     from flipdiagram.studies import frequency
 
-    with status(arguments.quiet) as progress:
+    with sole_use(out), status(arguments.quiet) as progress:
         result = frequency.run(scenario, out, quick=arguments.quick, progress=progress)
         write_markdown(result, out)
         write_figures(result.summary(), out)
     if not arguments.quiet:
         for table in [claims_table(result)] + ([realisation_table(result)] if result.rows else []):
             console().print(table)
+        print(steadiness(result))
+        if result.quick:
+            print("a quick run: fewer frequencies, no table of realisations")
         print(f"{result.steps / 1e6:.0f} M channel-steps in {result.seconds:.1f} s; written to {out}")
 
 

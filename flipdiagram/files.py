@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import math
 import os
@@ -95,6 +96,37 @@ def check_output_directory(path: str | os.PathLike[str]) -> Path:
             with suppress(OSError):  # another process may have begun to use it
                 parent.rmdir()
     return folder
+
+
+@contextmanager
+def sole_use(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Keep a folder for one run until the `with` block ends, however it ends: two at once would leave files of both.
+
+    Makes the folder; what it made and the run left empty goes again. ScenarioError where another run has the folder.
+    """
+    folder = Path(path)
+    made = [parent for parent in (folder, *folder.parents) if not parent.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        _lock(handle, folder)
+        yield
+    finally:
+        os.close(handle)
+        for parent in made:
+            with suppress(OSError):  # not empty
+                parent.rmdir()
+
+
+def _lock(handle: int, folder: Path) -> None:
+    """Lock an open folder; the system lets go of it when the handle is closed or the process ends."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        message = f"--out = '{folder}' is in use by another run; valid is another folder, or this one once it has ended"
+        raise ScenarioError(message) from None
+    except OSError:
+        return  # a file system without locks
 
 
 def _plain(value: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from flipdiagram.files import write_atomically
 from flipdiagram.grid import Grid
 from flipdiagram.studies.claims import TEXTS, Claim
 from flipdiagram.studies.frequency import FrequencyResult
+from flipdiagram.studies.periodicity import Verdict
 from flipdiagram.studies.realisations import best
 
 
@@ -54,7 +56,22 @@ def write_markdown(result: FrequencyResult, out: Path) -> Path:
     text = "\n".join(lines) + "\n"
     if result.rows:
         text += "\n" + realisations_grid([row.as_dict() for row in result.rows]).markdown()
+    text += "\n" + steadiness(result) + "\n"
     return write_atomically(out / "claims.md", text)
+
+
+def steadiness(result: FrequencyResult) -> str:
+    """How many responses missed the criterion of steadiness, by how much, and what they do instead, in a line."""
+    found, tolerance = result.unsteady, result.measured.study.tolerance
+    if not found:
+        return f"Successive windows agree within {tolerance:g} for every response."
+    count = Counter(entry["verdict"] for entry in found)
+    doing = "; ".join(f"{count[name]} {text}" for name, text in VERDICTS.items() if count[name])
+    spread, fundamental = (max(entry[key] for entry in found) for key in ("spread", "spread_of_fundamental"))
+    return (
+        f"Successive windows agree within {tolerance:g} for every response but {len(found)}, which differ by up to"
+        f" {spread:.2g}, in the fundamental by up to {fundamental:.2g}: {doing} (summary.json lists them)."
+    )
 
 
 def realisations_grid(rows: Sequence[Mapping[str, Any]]) -> Grid:
@@ -95,6 +112,13 @@ def _friction(m: dict[str, Any]) -> str:
     return f"gain at {m['omega_rad_s']:g} rad/s: {each}; {_n(m['gain_at_lowest']['pd']['without'])} without friction"
 
 
+VERDICTS: dict[Verdict, str] = {
+    "periodic": "settled and periodic once a period is a whole number of ticks",
+    "subharmonic": "repeating only after several windows",
+    "settling": "still settling (raise frequency.most_windows)",
+    "not periodic": "not periodic",
+}
+"""What each verdict means, in the words of `steadiness`."""
 FIGURES = dict(zip(TEXTS, "5 5 5 6 7 7 8a 8b 8b 9a 9c 9a-c 10 10".split(), strict=True))
 _SENTENCES = {
     "C1": lambda m: f"gain {_n(m['gain_at_lowest'])} at the lowest ω, -3 dB at {_n(m['bandwidth_rad_s'])} rad/s",

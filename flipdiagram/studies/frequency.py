@@ -21,7 +21,7 @@ from flipdiagram.studies import realisations
 from flipdiagram.studies.broadband import Spectrum, noise_spectrum
 from flipdiagram.studies.claims import Claim, acceleration_gain, evaluate, phase
 from flipdiagram.studies.curves import curves_of, friction_curves, torque_of
-from flipdiagram.studies.laboratory import Compiling, Factory, Laboratory, Loop, Measured
+from flipdiagram.studies.laboratory import Compiling, Factory, Kind, Laboratory, Loop, Measured
 from flipdiagram.studies.realisations import Realisation
 from flipdiagram.studies.sweep import Response
 
@@ -30,7 +30,7 @@ QUICK = {"frequency.lowest": 1.0, "frequency.count": 24, "frequency.torque_count
 SOURCES = (
     "blocks", "compiled", "one_dof_loop", "plants", "scenario", "scenario_io", "scenario_one_dof", "scenario_parts",
     "scenario_place", "studies/broadband", "studies/claims", "studies/curves", "studies/frequency",
-    "studies/laboratory", "studies/realisations", "studies/sweep", "transfer",
+    "studies/laboratory", "studies/periodicity", "studies/realisations", "studies/sweep", "transfer",
 )  # fmt: skip
 """Modules whose code decides what this study measures."""
 Progress = Callable[[str], None]
@@ -38,7 +38,10 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class FrequencyResult:
-    """All that one study measured.  `rows` and `other_friction` are empty after a quick run."""
+    """All that one study measured.  `rows` and `other_friction` are empty after a quick run.
+
+    unsteady: an entry of summary.json for each response that missed the criterion, with what it does instead.
+    """
 
     scenario: Scenario
     out: Path
@@ -47,6 +50,8 @@ class FrequencyResult:
     rows: list[Realisation]
     other_friction: Measured | None
     spectra: dict[Loop, Spectrum]
+    unsteady: list[dict[str, Any]]
+    quick: bool
     steps: int
     channel_steps_per_s: float
     seconds: float
@@ -55,6 +60,7 @@ class FrequencyResult:
         """The body of summary.json."""
         body = {
             "code": code_version(SOURCES),
+            "quick": self.quick,
             "curves": curves_of(self.measured),
             "torque": torque_of(self.measured),
             "claims": [claim.as_dict() for claim in self.claims],
@@ -62,7 +68,7 @@ class FrequencyResult:
             "channel_steps_per_s": self.channel_steps_per_s,
             "channel_steps": self.steps,
             "seconds": self.seconds,
-            "measurement": _measurement(self.measured),
+            "measurement": _measurement(self.measured) | {"unsteady": self.unsteady},
             "broadband": [
                 {
                     "architecture": name,
@@ -117,9 +123,13 @@ def run(
             found = rough.command(rough.loops((settings.g_dis,)), study.frequencies(), friction=True)
             other = Measured(rough.settings, study, friction=found)
         rows = realisations.table(rooms, progress)
+    progress("what unsteady responses do")
+    unsteady = unsteady_responses(laboratory, measured)
+    if rough is not None and other is not None:
+        unsteady += unsteady_responses(rough, other)
     steps = sum(room.steps for room in everything)
     result = FrequencyResult(
-        scenario, Path(out), measured, evaluate(measured), rows, other, spectra, steps,
+        scenario, Path(out), measured, evaluate(measured), rows, other, spectra, unsteady, quick, steps,
         laboratory.sweep_steps / laboratory.seconds, time.perf_counter() - begin,
     )  # fmt: skip
     result.write()
@@ -133,7 +143,7 @@ def stored(scenario: Scenario, out: str | Path, *, quick: bool = False) -> dict[
     try:
         found: dict[str, Any] = json.loads((Path(out) / "summary.json").read_text(encoding="utf-8"))
         same = found["code"] == code_version(SOURCES) and found["scenario"] == scenario.model_dump(mode="json")
-        return found if same and quick == ("realisations" not in found) else None
+        return found if same and found["quick"] is quick else None
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
@@ -152,6 +162,24 @@ def compare(
     loops = laboratory.loops((scenario.one_dof.g_dis,))
     found = laboratory.command(loops, scenario.frequency.frequencies(), friction=friction)
     return {name: response for (name, _), response in found.items()}
+
+
+def unsteady_responses(laboratory: Laboratory, measured: Measured) -> list[dict[str, Any]]:
+    """The responses whose windows differ by more than the tolerance: by how much, and what they do; see periodicity."""
+    entries = []
+    kinds: dict[Kind, dict[Loop, Response]]
+    kinds = {"linear": measured.linear, "friction": measured.friction, "noise": measured.noise}
+    for kind, responses in kinds.items():
+        for (name, g), response in responses.items():
+            odd = np.flatnonzero(~response.steady)
+            for i, found in zip(odd, laboratory.repetitions((name, g), response, kind), strict=True):
+                entry = {"kind": kind, "architecture": name, "g_dis_rad_s": g or None}
+                entry |= {"friction_model": measured.settings.friction_model} if kind == "friction" else {}
+                entry |= {"omega_rad_s": response.omega[i], "spread": response.spread[i]}
+                entry |= {"spread_of_fundamental": response.spread_x[i], "verdict": found.verdict}
+                entry |= {"judged_at_omega_rad_s": found.omega, "repeats_after_periods": found.periods}
+                entries.append(entry | {"windows": found.windows, "spread_there": found.spread})
+    return entries
 
 
 def compare_friction(one: Measured, other: Measured) -> dict[str, Any]:
@@ -225,18 +253,11 @@ def _agree_above(omega: Any, one: Any, other: Any, part: float) -> float | None:
 
 
 def _measurement(measured: Measured) -> dict[str, Any]:
-    """How far the figures can be trusted: unsteady channels, windows, and the sampled peak beside the fundamental."""
-    unsteady = [
-        {"kind": kind, "architecture": name, "g_dis_rad_s": g or None, "omega_rad_s": float(w), "spread": float(spread)}
-        for kind, responses in (("linear", measured.linear), ("friction", measured.friction), ("noise", measured.noise))
-        for (name, g), response in responses.items()
-        for w, spread in zip(response.omega[~response.steady], response.spread[~response.steady], strict=True)
-    ]
+    """How far the figures can be trusted: windows, and the sampled peak beside the fundamental."""
     linear = list(measured.linear.values())
     peak = max(float(np.max(np.abs(r.peak_a / np.abs(r.a) - 1))) for r in linear)
     return {
         "tolerance": measured.study.tolerance,
-        "unsteady": unsteady,
         "largest_part_of_a_period_missing_in_a_window": max(float(np.max(np.abs(r.rest))) for r in linear),
         "largest_difference_of_peak_and_fundamental_without_friction": peak,
         "largest_difference_of_fundamental_and_theory": max(

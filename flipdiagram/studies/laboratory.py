@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,11 +20,14 @@ from flipdiagram.errors import FlipdiagramError, SimulationError
 from flipdiagram.one_dof_loop import build_controller, build_experiment, build_open, theory
 from flipdiagram.scenario import ARCHITECTURES
 from flipdiagram.scenario_one_dof import Frequency, OneDof
+from flipdiagram.studies.periodicity import Repetition, repetitions
 from flipdiagram.studies.sweep import Response, measure, settling_ticks
 from flipdiagram.transfer import Complex, Loop1Dof, unstable
 
 Loop = tuple[str, float]
 """Architecture (or the name of another controller), and g_dis [rad/s], 0 where it has none."""
+Kind = Literal["linear", "friction", "noise"]
+"""Driven by commands without friction or with it, or by velocity noise without friction."""
 Factory = Callable[[OneDof], System]
 """Makes a controller for a loop with these settings: a new System at each call."""
 WITH_OBSERVER = ("pd+dob", "pd+ff+dob")
@@ -83,13 +86,30 @@ class Laboratory:
 
     def command(self, loops: Sequence[Loop], omega: ArrayLike, *, friction: bool = False) -> dict[Loop, Response]:
         """Responses to x_cmd = −sin ωt, with gravity, and with the settings' friction where asked for."""
-        return self._sweep(loops, omega, friction, {"command.amplitude": 1.0, "noise.amplitude": 0.0})
+        return self._sweep(loops, omega, "friction" if friction else "linear")
 
     def noise(self, loops: Sequence[Loop], omega: ArrayLike) -> dict[Loop, Response]:
         """Responses to v_noise = sin ωt of the study's amplitude, x_cmd = 0, without friction."""
-        return self._sweep(
-            loops, omega, False, {"command.amplitude": 0.0, "noise.amplitude": self.study.noise_amplitude}
+        return self._sweep(loops, omega, "noise")
+
+    def repetitions(self, loop: Loop, response: Response, kind: Kind) -> list[Repetition]:
+        """What the unsteady channels of a response do, in their order: one of `command` or `noise`."""
+        odd = ~response.steady
+        if not odd.any():
+            return []
+        parameters = self._parameters([loop], kind == "friction")
+        found, steps = repetitions(
+            self.compiled(loop[0]),
+            response.omega[odd],
+            response.ticks[odd],
+            {**parameters, **self._amplitudes(kind)},
+            settling_ticks(self._pole(loop), self.settings.step),
+            tolerance=self.study.tolerance,
+            name=loop[0],
+            threads=self.threads,
         )
+        self.steps += steps
+        return found
 
     def broadband(self, loop: Loop, ticks: int, settling: float = 2.0) -> tuple[Floats, Floats]:
         """(noise [m/s], x [m]), one sample a tick, under white velocity noise, x_cmd = 0, after settling [s]."""
@@ -129,9 +149,7 @@ class Laboratory:
                 self.unstable[loop] = str(error)
         return good
 
-    def _sweep(
-        self, loops: Sequence[Loop], omega: ArrayLike, friction: bool, amplitudes: Mapping[str, float]
-    ) -> dict[Loop, Response]:
+    def _sweep(self, loops: Sequence[Loop], omega: ArrayLike, kind: Kind) -> dict[Loop, Response]:
         found: dict[Loop, Response] = {}
         w = np.atleast_1d(np.asarray(omega, dtype=float))
         good = self.stable(loops)
@@ -139,12 +157,13 @@ class Laboratory:
             group = [loop for loop in good if loop[0] == name]
             compiled, period = self.compiled(name), self.settings.step
             settling = [settling_ticks(self._pole(loop), period) for loop in group]
-            parameters = {key: np.repeat(value, len(w)) for key, value in self._parameters(group, friction).items()}
+            own = self._parameters(group, kind == "friction")
+            parameters = {key: np.repeat(value, len(w)) for key, value in own.items()}
             begin = time.perf_counter()
             response = measure(
                 compiled,
                 np.tile(w, len(group)),
-                {**parameters, **amplitudes},
+                {**parameters, **self._amplitudes(kind)},
                 np.repeat(settling, len(w)),
                 tolerance=self.study.tolerance,
                 most_windows=self.study.most_windows,
@@ -156,6 +175,10 @@ class Laboratory:
             for i, loop in enumerate(group):
                 found[loop] = response.select(slice(i * len(w), (i + 1) * len(w)))
         return found
+
+    def _amplitudes(self, kind: Kind) -> dict[str, float]:
+        noise = kind == "noise"
+        return {"command.amplitude": float(not noise), "noise.amplitude": self.study.noise_amplitude * noise}
 
     def _parameters(self, group: Sequence[Loop], friction: bool) -> dict[str, Floats]:
         """Numeric parameters that differ between loops of one controller and experiments, one per loop."""

@@ -30,7 +30,8 @@ class Response:
 
     omega [rad/s]; x [m] and a [m/s²]: phasors of the fundamental, relative to sin ωt; peak_x, peak_a: half of maximum
     less minimum; peak_force: largest modulus [N]; rms_error of x [m]; steady: whether the last two windows agreed;
-    spread: their difference; ticks: samples of the window; rest: of a period, by which the window is not whole.
+    spread: their difference, that of the fundamental or of the RMS error, whichever is larger; spread_x: that of the
+    fundamental; ticks: samples of the window; rest: of a period, by which the window is not whole.
     """
 
     omega: Floats
@@ -42,6 +43,7 @@ class Response:
     rms_error: Floats
     steady: np.ndarray
     spread: Floats
+    spread_x: Floats
     ticks: np.ndarray
     rest: Floats
     steps: int
@@ -76,41 +78,89 @@ def measure(
     Two windows agree when fundamental and RMS error of x differ by less than the tolerance, relative to their size.
     Channels that never do are returned with steady = False.  Raises SimulationError where a loop diverges.
     """
-    w = np.asarray(omega, dtype=float)
-    n, period = len(w), loop.period
-    window, rest = map(np.array, zip(*(whole_periods(value, period, SHORTEST_WINDOW) for value in w), strict=True))
-    settle = np.broadcast_to(np.asarray(settling, dtype=np.int64), (n,))
-    given = {key: np.broadcast_to(np.asarray(value, dtype=float), (n,)) for key, value in parameters.items()}
-    given["omega"] = w
-    states, where = _layout(loop)
-    run = loop.run(settle, parameters=given, threads=threads)
-    steps, now, state = int(settle.sum()), run.ticks.copy(), np.array(run.final)
+    windows = Windows(loop, omega, parameters, settling, name=name, threads=threads)
+    n = len(windows.omega)
     active, before = np.arange(n), np.zeros((2, n), complex)
     result: dict[str, Any] = {f.name: np.zeros(n, complex if f.name in ("x", "a") else float) for f in fields(Response)}
-    result |= {"omega": w, "ticks": window, "rest": rest, "steady": np.zeros(n, bool)}
-    result["spread"] = np.full(n, np.inf)
+    result |= {"omega": windows.omega, "ticks": windows.ticks, "rest": windows.rest, "steady": np.zeros(n, bool)}
+    result |= {"spread": np.full(n, np.inf), "spread_x": np.full(n, np.inf)}
     for turn in range(most_windows):
-        reset = state[active]
-        reset[:, where] = states[where]
-        chosen = {key: value[active] for key, value in given.items()}
-        run = loop.run(window[active], parameters=chosen, state=reset, start=now[active], threads=threads)
-        steps += int(window[active].sum())
-        _check_finite(run.final, w[active], name)
-        read = _read(run.outputs, w[active], period, now[active], window[active])
-        state[active], now[active] = run.final, run.ticks
+        read = windows.next(active)
         for key, value in read.items():
             result[key][active] = value
-        latest = np.stack([read["x"], read["rms_error"] + 0j])
+        latest = decisive(read)
         if turn:
-            size = np.maximum(np.abs(latest), np.abs(before[:, active]))
-            spread = np.max(np.abs(latest - before[:, active]) / np.maximum(size, 1e-300), axis=0)
+            each = apart(latest, before[:, active])
+            spread = np.max(each, axis=0)
             result["spread"][active], result["steady"][active] = spread, spread <= tolerance
+            result["spread_x"][active] = each[0]
         before[:, active] = latest
         active = np.nonzero(~result["steady"])[0]
         if not active.size:
             break
-    result["steps"] = steps
+    result["steps"] = windows.steps
     return Response(**result)
+
+
+class Windows:
+    """One window after another of channels that run on: before each, their meters begin anew.
+
+    loop, omega, parameters, settling, name, threads: as for `measure`.  ticks (n,): samples of the windows, by default
+    as nearly whole periods as can be; rest (n,): the part of a period by which they are not; steps: channel-steps so
+    far.
+    """
+
+    def __init__(
+        self,
+        loop: Any,
+        omega: ArrayLike,
+        parameters: Mapping[str, ArrayLike],
+        settling: ArrayLike,
+        *,
+        ticks: ArrayLike | None = None,
+        name: str = "loop",
+        threads: int | None = None,
+    ) -> None:
+        self.omega = np.asarray(omega, dtype=float)
+        n = len(self.omega)
+        if ticks is None:
+            ticks = [whole_periods(value, loop.period, SHORTEST_WINDOW)[0] for value in self.omega]
+        self.ticks = np.array(ticks, dtype=np.int64)
+        periods = self.ticks * self.omega * loop.period / (2 * np.pi)
+        self.rest = periods - np.rint(periods)
+        self._loop, self._name, self._threads = loop, name, threads
+        self._given = {key: np.broadcast_to(np.asarray(value, dtype=float), (n,)) for key, value in parameters.items()}
+        self._given["omega"] = self.omega
+        self._default, self._meters = _layout(loop)
+        settle = np.broadcast_to(np.asarray(settling, dtype=np.int64), (n,))
+        run = loop.run(settle, parameters=self._given, threads=threads)
+        self.steps, self._now, self._state = int(settle.sum()), run.ticks.copy(), np.array(run.final)
+
+    def next(self, active: np.ndarray) -> dict[str, Any]:
+        """Run the next window of these channels, indices (k,): their readings by name, (k,) each.
+
+        Raises SimulationError where a loop diverges.
+        """
+        state, ticks, w = self._state[active], self.ticks[active], self.omega[active]
+        state[:, self._meters] = self._default[self._meters]
+        given = {key: value[active] for key, value in self._given.items()}
+        run = self._loop.run(ticks, parameters=given, state=state, start=self._now[active], threads=self._threads)
+        self.steps += int(ticks.sum())
+        _check_finite(run.final, w, self._name)
+        read = _read(run.outputs, w, self._loop.period, self._now[active], ticks)
+        self._state[active], self._now[active] = run.final, run.ticks
+        return read
+
+
+def decisive(read: Mapping[str, Any]) -> Complex:
+    """What two windows are compared by: fundamental and RMS error of x [m], shape (2, n)."""
+    return np.stack([read["x"], read["rms_error"] + 0j])
+
+
+def apart(one: Complex, other: Complex) -> Floats:
+    """|one − other| relative to the larger of them, element by element; 0 where both are 0."""
+    size = np.maximum(np.abs(one), np.abs(other))
+    return np.asarray(np.abs(one - other) / np.maximum(size, 1e-300))
 
 
 def _layout(loop: Any) -> tuple[Floats, np.ndarray]:

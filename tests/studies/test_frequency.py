@@ -1,4 +1,4 @@
-"""Section III measured: three independent ways to a response, the claims, bad input, and controllers of one's own."""
+"""Section III measured: the claims, the blocks used, what is written, and controllers of one's own."""
 
 import importlib.util
 import json
@@ -7,89 +7,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import Adder
 
-from flipdiagram import cli, frequency_tables
+from flipdiagram import frequency_tables
 from flipdiagram.compiled import compile_diagram
 from flipdiagram.controller import check_architecture
 from flipdiagram.errors import ScenarioError, SimulationError
-from flipdiagram.one_dof_loop import build_controller, build_experiment, build_open, theory
+from flipdiagram.one_dof_loop import build_controller, build_experiment, theory
 from flipdiagram.scenario import ARCHITECTURES, Scenario
-from flipdiagram.scenario_one_dof import OneDof
 from flipdiagram.studies import frequency, realisations
 from flipdiagram.studies.broadband import gain_spectrum
 from flipdiagram.studies.claims import SMALL_LAG, band, evaluate
-from flipdiagram.studies.laboratory import Laboratory, closed_form, peak_force_theory, rms_error_theory
+from flipdiagram.studies.laboratory import Laboratory
 from flipdiagram.studies.sweep import settling_ticks
 
 # NumPy reports the floating-point flags that Drake's symbolic scalars leave behind.
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
 ROOT = Path(__file__).parent.parent.parent
 PAPER = Scenario()
-OMEGA = [0.1, 1.0, 9.0, 30.0, 47.3, 120.0, 700.0, 3000.0]
-TENTH_PERCENT, TENTH_DEGREE = 1e-3, np.radians(0.1)
-
-
-def assert_equal_responses(one, other):
-    ratio = np.asarray(one) / np.asarray(other)
-    assert np.abs(np.abs(ratio) - 1).max() < TENTH_PERCENT
-    assert np.abs(np.angle(ratio)).max() < TENTH_DEGREE
-
-
-def linearised(loop, of: OneDof, omega, source=None, output="x"):
-    """The same response from A, B, C, D of the compiled loop without command, meters and friction."""
-    name, g = loop
-    own = of.model_copy(update={"g_dis": g}) if g else of
-    linear = compile_diagram(build_open(build_controller(name, own), own), check=0)
-    found = linear.linearize(inputs=dict.fromkeys(linear.inputs, 0.0))
-    w = np.asarray(omega, dtype=float)
-    response = found.response(w, outputs=(output,))[:, 0, :]
-    names = [text.partition("[")[0] for text in found.input_names]
-    if source is not None:
-        return response[:, names.index(source)]
-    command = {"x_cmd": 1.0 + 0j * w, "v_cmd": 1j * w, "a_cmd": -(w**2) + 0j}
-    return sum(response[:, names.index(key)] * value for key, value in command.items() if key in names)
-
-
-@pytest.mark.parametrize("observer", [{}, {"nominal_mass_ratio": 0.0}, {"velocity_cutoff": 400.0, "nominal_mass_ratio": 1.0}], ids=str)
-def test_fundamental_closed_form_and_linearisation_agree(observer):
-    of = PAPER.one_dof.model_copy(update=observer)
-    laboratory = Laboratory(of, PAPER.frequency)
-    loops = laboratory.loops((10.0, 30.0, 100.0))
-    omega = OMEGA if not observer else OMEGA[1:]
-    commanded, noisy = laboratory.command(loops, omega), laboratory.noise(loops, omega)
-    assert set(commanded) == set(loops) and len(loops) == 8
-    for loop in loops:
-        form = closed_form(of, loop)
-        assert commanded[loop].steady.all()
-        assert_equal_responses(-commanded[loop].x, form.command(omega))
-        assert_equal_responses(linearised(loop, of, omega), form.command(omega))
-        assert_equal_responses(commanded[loop].a / np.square(omega), form.acceleration(omega))
-        assert_equal_responses(noisy[loop].x / PAPER.frequency.noise_amplitude, form.noise(omega))
-        assert_equal_responses(linearised(loop, of, omega, "v_noise"), form.noise(omega))
-        assert_equal_responses(linearised(loop, of, omega, "f_d"), form.disturbance(omega))
-        assert_equal_responses(linearised(loop, of, omega, output="force"), form.torque(omega))
-        # a sampled peak may miss the top of the sinusoid, by how much depends on the samples of its window
-        assert commanded[loop].peak_a / np.square(omega) == pytest.approx(np.abs(form.acceleration(omega)), rel=2e-3)
-        assert commanded[loop].peak_force == pytest.approx(peak_force_theory(form, omega), rel=2e-3)
-        assert commanded[loop].rms_error == pytest.approx(rms_error_theory(form, omega), rel=2e-3)
-
-
-@settings(max_examples=12)
-@given(st.floats(0.3, 5.0), st.floats(100.0, 2000.0), st.floats(25.0, 150.0), st.floats(5.0, 150.0), st.floats(0.3, 1.5), st.booleans())
-def test_they_agree_for_other_numbers_than_the_papers(mass, k_p, k_v, g, ratio, scaled):
-    changes = {"mass": mass, "k_p": k_p, "k_v": k_v, "nominal_mass_ratio": ratio, "reference_scaled_by_nominal_mass": scaled}
-    of = PAPER.one_dof.model_copy(update=changes)
-    laboratory = Laboratory(of, PAPER.frequency, lenient=True)
-    omega = [3.0, 40.0, 1000.0, 3000.0]
-    for loop, response in laboratory.command(laboratory.loops((g,)), omega).items():
-        assert_equal_responses(-response.x, closed_form(of, loop).command(omega))
-        assert_equal_responses(linearised(loop, of, omega), closed_form(of, loop).command(omega))
-
-
 @pytest.mark.parametrize("architecture", ARCHITECTURES)
 @pytest.mark.parametrize("friction", ["signum", "stick-slip"])
 def test_the_loop_is_compiled_as_drake_runs_it(architecture, friction):
@@ -136,6 +72,10 @@ def test_the_summary_keeps_its_contract(result):
         assert row["max_torque_N"] == pytest.approx(row["theory"], rel=2e-3)
     assert data["observer"].items() >= {"nominal_mass_ratio": 0.5, "velocity_cutoff_rad_s": None, "reference_scaled_by_nominal_mass": False}.items()
     assert data["channel_steps_per_s"] > 0
+    unsteady = [(e["kind"], e["architecture"], e["g_dis_rad_s"], e["omega_rad_s"]) for e in data["measurement"]["unsteady"]]
+    kinds = {"linear": result.measured.linear, "friction": result.measured.friction, "noise": result.measured.noise}
+    missed = [(k, name, g or None, w) for k, found in kinds.items() for (name, g), r in found.items() for w in r.omega[~r.steady]]
+    assert unsteady == missed and all(entry["verdict"] == "periodic" for entry in data["measurement"]["unsteady"])
     for entry in data["broadband"]:
         low = np.array(entry["omega_rad_s"]) < 1000
         assert np.abs(np.divide(entry["value"], entry["theory"])[low] - 1).max() < 0.1
@@ -143,8 +83,16 @@ def test_the_summary_keeps_its_contract(result):
         assert saved["linear_peak_a"].dims == ("loop", "omega") and saved["linear_peak_a"].shape == (8, 24)
 
 
+def test_only_a_run_of_the_same_kind_is_used_again(result):
+    assert frequency.stored(PAPER, result.out, quick=True)["claims"]
+    assert frequency.stored(PAPER, result.out) is None
+    assert frequency.stored(result.scenario, result.out) is None  # the same frequencies, but the table is missing
+    assert frequency.stored(PAPER.with_overrides({"one_dof.k_v": 61.0}), result.out, quick=True) is None
+
+
 def test_the_tables_say_what_was_measured(result):
     assert frequency_tables.claims_table(result).row_count == 14
+    assert "Successive windows agree within 1e-05 for every response" in frequency_tables.steadiness(result)
     for claim in result.claims:
         text = frequency_tables.numbers(claim)
         assert any(character.isdigit() for character in text) and "nan" not in text
@@ -191,39 +139,6 @@ def test_the_boxes_are_those_of_blocks_and_differ_by_presence(architecture):
     with pytest.raises(ScenarioError, match="unknown architecture"):
         build_controller("pid", PAPER.one_dof)
     assert check_architecture(architecture) == architecture
-
-
-@pytest.mark.parametrize(
-    ("words", "code", "parts"),
-    [
-        (["--frequency.omega", "[1, 0]"], 2, ["frequency.omega", "above 0 [rad/s]"]),
-        (["--frequency.omega=[40000]"], 2, ["frequency.omega", "below the Nyquist frequency", "31415.9"]),
-        (["--frequency.highest=40000"], 2, ["frequency.highest", "Nyquist"]),
-        (["--frequency.lowest=-1"], 2, ["frequency.lowest", "above 0"]),
-        (["--frequency.lowest=6000"], 2, ["frequency.highest", "above frequency.lowest"]),
-        (["--one_dof.k_p=-900"], 2, ["one_dof.k_p", "at least 0"]),
-        (["--one_dof.viscous=1000"], 2, ["one_dof.viscous", "at most"]),
-        (["--one_dof.friction_model=tanh"], 2, ["signum, stick-slip"]),
-        (["--frequency.g_dis=[]"], 2, ["frequency.g_dis", "at least one"]),
-        (["--one_dof.velocity_cutoff=62.8"], 3, ["'pd+dob, g_dis = 100' is unstable", "pole at s = 3.716 ± 86.7j rad/s"]),
-        (["--one_dof.k_v=0"], 3, ["'pd' is unstable", "30j rad/s"]),
-    ],
-)  # fmt: skip
-def test_bad_input_ends_with_one_line(words, code, parts, tmp_path, capsys):
-    assert cli.main(["frequency", "--quick", "--quiet", "--out", str(tmp_path / "out"), *words]) == code
-    done = capsys.readouterr()
-    assert done.out == "" and done.err.startswith("flipdiagram: error: ") and done.err.count("\n") == 1
-    for part in parts:
-        assert part in done.err
-
-
-def test_the_command_writes_figures_and_prints_the_claims(tmp_path, capsys):
-    words = ["--frequency.omega", "[2, 20, 60, 100, 300, 4000]", "--frequency.torque_count", "3", "--frequency.noise_time", "7"]
-    assert cli.main(["frequency", "--quick", "--out", str(tmp_path), *words]) == 0
-    done = capsys.readouterr()
-    assert "C14" in done.out and "largest relative difference" in done.out
-    names = ["fig05_gain", "fig06_gain_with_friction", "fig07_position_error", "fig08_phase", "fig09_torque", "fig10_noise"]
-    assert {path.name for path in tmp_path.iterdir()} == {f"{n}.{s}" for n in names for s in ("png", "svg")} | {"summary.json", "frequency.nc", "claims.md"}
 
 
 def own_controllers():
