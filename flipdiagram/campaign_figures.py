@@ -22,10 +22,10 @@ Summary = Mapping[str, Any]
 
 COLOURS = {
     SUCCESS: "#009E73", "slid off": "#E69F00", "tipped": "#F0E442", "hit the table": "#D55E00",
-    "wrong angle": "#CC79A7", "never landed": "#8C564B", "no plan": "#BBBBBB", "diverged": "#000000",
-    "refused": "#777777", "timeout": "#56B4E9", "crashed": "#0072B2",
+    "wrong angle": "#CC79A7", "never landed": "#8C564B", "torque limit": "#332288", "no plan": "#BBBBBB",
+    "diverged": "#000000", "refused": "#777777", "timeout": "#56B4E9", "crashed": "#0072B2",
 }  # fmt: skip
-"""Of the outcomes, in the order of `MODES`; Okabe and Ito's, which colour-blind readers can tell apart."""
+"""Of the outcomes, in the order of `MODES`; Okabe and Ito's and Tol's, which colour-blind readers can tell apart."""
 MOST_PARAMETERS = 10
 TARGETS = {"success": "turned over", "position_rmse_m": "position RMSE"}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,9 @@ from flipdiagram.campaign_tables import section, tuning_section
 from flipdiagram.figures import save
 from flipdiagram.files import write_atomically, write_summary
 from flipdiagram.scenario import Scenario, from_mapping
+
+TUNING = "tuning.json"
+"""What the tuner found, in its folder."""
 
 
 def write_analysis(file: str | Path, out: str | Path) -> dict[str, Any]:
@@ -34,19 +38,22 @@ def write_tuning(tuning: dict[str, Any], base: Scenario, out: str | Path) -> dic
     """Write what the tuner found: tuning.json, tuning.md and a figure; returns the summary."""
     out = Path(out)
     save(plot_tuning(tuning), out / "tuning")
-    written = write_summary(out / "tuning.json", "tuning", base, tuning)
+    written = write_summary(out / TUNING, "tuning", base, tuning)
     text = f"# Tuned gains\n\n{tuning_section(tuning)}\n![Search and verdict](tuning.png)\n"
     write_atomically(out / "tuning.md", text)
     summary: dict[str, Any] = json.loads(written.read_text(encoding="utf-8"))
     return summary
 
 
-def report_section(folder: Path, name: str = "campaign") -> str:
-    """What the reproduction report shows of a campaign, and of tuned gains, below `folder`/`name`; '' without them."""
-    out, parts = folder / name, []
-    if (out / FILE).is_file():
-        parts.append(section(write_analysis(out / FILE, out), name))
-    if (out / "tuning.json").is_file():
-        tuning = json.loads((out / "tuning.json").read_text(encoding="utf-8"))
-        parts.append(f"{tuning_section(tuning)}\n![Search and verdict of the tuner]({name}/tuning.png)\n")
+def report_section(folder: Path, names: Sequence[str] = ("campaign", "tuning")) -> str:
+    """What the reproduction report shows of campaigns and of tuned gains below `folder`/name; '' without them."""
+    parts = [section(write_analysis(folder / name / FILE, folder / name), name) for name in _with(folder, names, FILE)]
+    for name in _with(folder, names, TUNING):
+        tuning = json.loads((folder / name / TUNING).read_text(encoding="utf-8"))
+        picture = f"![Search and verdict of the tuner]({name}/tuning.png)"
+        parts.append(f"### Default gains against tuned ones\n\n{tuning_section(tuning)}\n{picture}\n")
     return "\n".join(parts)
+
+
+def _with(folder: Path, names: Sequence[str], file: str) -> list[str]:
+    return [name for name in names if (folder / name / file).is_file()]

@@ -32,7 +32,7 @@ def success_grid(summary: Summary) -> Grid:
         counts = [str(entry["modes"].get(mode, 0)) for mode in shown]
         saturated = "–" if entry["saturated"] is None else f"{100 * entry['saturated']:.0f} %"
         rows.append([f"`{name}`", str(entry["counted"]), rate, interval, *counts, saturated])
-    headings = ["architecture", "flips", SUCCESS, "95 % interval", *shown, "a joint at its torque limit"]
+    headings = ["architecture", "flips", SUCCESS, "95 % interval (Wilson)", *shown, "a joint at its torque limit"]
     return Grid(headings, rows, right=headings[1:])
 
 
@@ -126,6 +126,8 @@ def tuning_grid(tuning: Summary) -> Grid:
         sides = [found[side] for side in ("default", "tuned")]
         rows.append([f"{SUCCESS}, {words} ({found['trials']} trials)", *(_rate(side) for side in sides)])
         rows.append([f"{tuning['quantile_name']}, {words}", *(_number(side["quantile"]) for side in sides)])
+        if part == "held_out":
+            rows.append(["what became of the others, held out", *(_failures(side["modes"]) for side in sides)])
     held = tuning["held_out"]["difference"]
     interval = f"({100 * held['low']:+.1f} to {100 * held['high']:+.1f})"
     text = f"{100 * held['difference']:+.1f} {interval}, p {_p(held['p'])}"
@@ -138,7 +140,9 @@ def tuning_section(tuning: Summary) -> str:
     """The tuner's result as Markdown."""
     text = (
         f"{tuning['flips']} flips in the search, {tuning['candidates']} sets of gains, wanted is {tuning['objective']};"
-        " the verdict is that of the held-out trials, which the search has not seen."
+        " the verdict is that of the held-out trials, which the search has not seen. In brackets: 95 % intervals,"
+        " of rates Wilson's, of their difference Newcombe's for pairs; p is McNemar's. A quantile that falls on failed"
+        " flips is –."
     )
     return f"{text}\n\n{tuning_grid(tuning).markdown()}"
 
@@ -166,6 +170,11 @@ def _quantiles(values: Mapping[str, float] | None, factor: float, digits: int) -
     if values is None:
         return "–"
     return f"{factor * values['0.5']:.{digits}f} ({factor * values['0.95']:.{digits}f})"
+
+
+def _failures(modes: Mapping[str, int]) -> str:
+    found = sorted((mode for mode in modes if mode != SUCCESS), key=lambda mode: -modes[mode])
+    return ", ".join(f"{modes[mode]} {mode}" for mode in found) or "–"
 
 
 def _rate(side: Mapping[str, Any]) -> str:

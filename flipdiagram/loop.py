@@ -15,6 +15,7 @@ from flipdiagram.arm import ArmModel
 from flipdiagram.blocks.camera import Camera
 from flipdiagram.blocks.delay import Delay
 from flipdiagram.blocks.mpc import ModelPredictiveController
+from flipdiagram.blocks.noise import SensorNoise
 from flipdiagram.blocks.receding_horizon import RecedingHorizonController, Timing
 from flipdiagram.blocks.sensors import Encoder, PseudoDerivative
 from flipdiagram.contact import Floats
@@ -189,7 +190,11 @@ def _close_horizon(
 
 
 def _sensed(builder: DiagramBuilder, scenario: Scenario, cell: Cell, n: int, offset: float) -> list[OutputPort]:
-    """q and qd as the controller sees them: through encoder, delay and velocity filter, where the scenario has them."""
+    """q and qd as the controller sees them: through what the scenario has of noise, encoder, delay, velocity filter.
+
+    The encoder rounds angles that are noisy already.  Noise of the velocities comes before their delay, or after the
+    filter where there is one: it belongs to the velocity, however that is measured.
+    """
     sensors, period = scenario.sensors, scenario.controller.period
 
     def through(box: LeafSystem, name: str, signal: OutputPort) -> OutputPort:
@@ -197,13 +202,19 @@ def _sensed(builder: DiagramBuilder, scenario: Scenario, cell: Cell, n: int, off
         builder.Connect(signal, box.get_input_port())
         return box.get_output_port()
 
-    q, qd = cell.q, cell.qd
+    def noisy(signal: OutputPort, name: str, deviation: float, stream: int) -> OutputPort:
+        if deviation == 0:
+            return signal
+        return through(SensorNoise(np.full(n, deviation), sensors.noise_seed, period, offset, stream), name, signal)
+
+    q, qd = noisy(cell.q, "position_noise", sensors.position_noise, 0), cell.qd
     if sensors.encoder_resolution > 0:
         q = through(Encoder(np.full(n, sensors.encoder_resolution)), "encoder", q)
     if sensors.delay > 0:
         q = through(Delay(n, sensors.delay, period, offset), "delayed_q", q)
     if sensors.velocity_cutoff is not None:
         qd = through(PseudoDerivative(np.full(n, sensors.velocity_cutoff), period, offset), "velocity", q)
-    elif sensors.delay > 0:
+    qd = noisy(qd, "velocity_noise", sensors.velocity_noise, 1)
+    if sensors.velocity_cutoff is None and sensors.delay > 0:
         qd = through(Delay(n, sensors.delay, period, offset), "delayed_qd", qd)
     return [q, qd]

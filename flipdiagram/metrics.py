@@ -18,6 +18,8 @@ RELEASE_TOLERANCE = 0.1
 """How far [rad] short of π/2 the tool may be at the last contact: it lags behind a plan that may release at π/2."""
 VIBRATION_WINDOW = 0.2
 """Seconds after the end of the trajectory in which endpoint vibration is measured."""
+SATURATED = 0.999
+"""Torque over its limit from which a joint counts as saturated."""
 LARGEST_DELAY = 0.1
 """Range of lags [s] searched by `velocity_delay`."""
 
@@ -45,6 +47,7 @@ class FlipMetrics:
     angle_rmse_rad: float
     acceleration_rmse_m_s2: float
     max_torque_Nm: list[float]
+    saturated_s: float
     max_slip_m: float
     max_lift_off_m: float
     release_time_s: float
@@ -184,6 +187,23 @@ def max_torque(data: Recording) -> Floats:
     return np.abs(moving).max(axis=0)
 
 
+def saturated(data: Recording) -> float:
+    """How long a joint's torque was at its limit, |τ| ≥ `SATURATED` τ_max, in all, of the joint with the longest [s].
+
+    Counts from the start of the motion until the block leaves the blade or the blade hits the table, whichever comes
+    first: what is saturated later is not why a flip failed.  nan where the recording does not say its limits.
+    """
+    limit = data["tau"].attrs.get("limit")
+    if limit is None:
+        return np.nan
+    time, blade = data["time"].values, touching(data, "table-blade")
+    hit = blade & (time >= 0)
+    end = min(release_index(data), int(np.argmax(hit)) if hit.any() else len(time))
+    at = np.abs(data["tau"].values) >= SATURATED * np.atleast_1d(limit)
+    start = int(np.searchsorted(time, 0.0))
+    return float(at[start : end + 1].sum(axis=0).max(initial=0) * (time[1] - time[0]))
+
+
 def measure(data: Recording) -> FlipMetrics:
     """All metrics of one recording."""
     success, failure = judge(data)
@@ -199,6 +219,7 @@ def measure(data: Recording) -> FlipMetrics:
         angle_rmse_rad=rmse(data, "x", "x_cmd", ["theta"]),
         acceleration_rmse_m_s2=rmse(data, "a", "a_cmd", ["y", "z"]),
         max_torque_Nm=max_torque(data).tolist(),
+        saturated_s=saturated(data),
         max_slip_m=slip,
         max_lift_off_m=lift,
         release_time_s=float(data["time"].values[k]),

@@ -107,6 +107,7 @@ def assemble(
     for name, units in REPLANNING.items():
         if name in signals:
             data[name] = (("time",), signals[name][0].copy(), {"units": units})
+    data["tau"].attrs["limit"] = [float(limit) for limit in arm.tau_max]  # [N m], of each joint
     if "tau_dis" not in signals:
         data["tau_dis"].attrs["note"] = "this architecture has no disturbance observer"
     return data

@@ -99,6 +99,9 @@ class Planner(Section):
         "measured", description="state of the tool from which it is planned again"
     )
     replan_iterations: int = quantity(4, "1", "most linearisations per replanning", ge=1)
+    replan_search: int = quantity(
+        0, "samples", "by which a new plan may have more or fewer contact and flight samples than the last", ge=0, le=5
+    )
     compute_delay: float = quantity(0.01, "s", "after which a new plan takes effect", ge=0)
     replan_deadline: float | None = quantity(
         None, "s", "a plan that took longer is dropped; null: none is (else results depend on the machine)", gt=0
@@ -157,6 +160,13 @@ class Sensors(Section):
     camera_noise: float = quantity(0.0005, "m", "standard deviation of what it reports", ge=0)
     camera_seed: int = quantity(0, "1", "seed of that noise", ge=0)
     delay: int = quantity(0, "periods", "delay of q and qd, in periods of the controller", ge=0, le=1000)
+    position_noise: float = quantity(
+        0.0, "rad", "standard deviation of the noise of the joint angles, drawn anew each period; 0: none", ge=0
+    )
+    velocity_noise: float = quantity(
+        0.0, "rad/s", "the same of the joint velocities, measured or derived", ge=0
+    )
+    noise_seed: int = quantity(0, "1", "seed of both", ge=0)
 
 
 class Simulation(Section):

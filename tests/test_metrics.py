@@ -58,6 +58,25 @@ def test_max_torque_is_taken_from_the_motion(data):
     np.testing.assert_array_equal(metrics.max_torque(data), [1, 3, 1, 1, 1, 1])
 
 
+def test_torque_at_its_limit_counts_from_the_start_until_the_block_leaves_or_the_blade_hits(data):
+    assert np.isnan(metrics.saturated(data))  # a recording that does not say its limits
+    data["tau"].attrs["limit"] = [10.0, 20.0, 30.0, 40.0, 50.0, 60.0]
+    time, tau = data["time"].values, data["tau"].values
+    tau[:] = 0.0
+    assert metrics.saturated(data) == 0.0
+    tau[time < 0, 0] = 10.0  # before the motion
+    tau[time > synthetic.RELEASE + 0.002, 0] = -10.0  # after the release
+    assert metrics.saturated(data) == 0.0
+    tau[(time > 0.0995) & (time < 0.1195), 1] = -20.0
+    tau[(time > 0.2995) & (time < 0.3095), 1] = 19.99
+    tau[(time > 0.1995) & (time < 0.2145), 2] = 30.0
+    tau[(time > 0.1) & (time < 0.4), 3] = 39.9  # near it
+    assert metrics.saturated(data) == pytest.approx(0.030)  # of the joint with the longest, in all
+    data["contact_force"].loc[{"pair": "table-blade"}].values[time > 0.2] = 1.0
+    assert metrics.saturated(data) == pytest.approx(0.020)
+    assert metrics.measure(data).saturated_s == pytest.approx(0.020)
+
+
 def test_touchdown_is_the_first_contact_with_the_table(data):
     landed = metrics.touchdown(data)
     first = np.argmax(np.linalg.norm(data["contact_force"].values[:, 1], axis=1) > 0)

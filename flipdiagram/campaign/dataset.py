@@ -19,7 +19,7 @@ from flipdiagram.files import atomic_path
 METRICS = {
     "position_rmse_m": "m", "angle_rmse_rad": "rad", "acceleration_rmse_m_s2": "m/s^2", "max_slip_m": "m",
     "max_lift_off_m": "m", "velocity_delay_s": "s", "endpoint_vibration_m_s": "m/s", "release_time_s": "s",
-    "release_angle_rad": "rad", "torque_use": "1",
+    "release_angle_rad": "rad", "saturated_s": "s", "torque_use": "1",
 }  # fmt: skip
 """Metrics of a flip that become variables, with their units; torque_use: largest torque of any joint over its limit."""
 FORMATS = {".csv": "CSV", ".parquet": "Parquet", ".nc": "NetCDF"}

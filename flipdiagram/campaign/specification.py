@@ -20,7 +20,7 @@ from flipdiagram.studies.flips import PLAN_SECTIONS
 UNKNOWN_SECTIONS = ("arm", "tool", "object", "table")
 """Things of the world: planner and controller go by the base scenario's unless the campaign says they are known."""
 SEEDS = tuple(path for path in field_paths() if path.startswith("sensors.") and path.endswith("_seed"))
-"""Fields set to the trial's seed, unless the campaign sets them itself: noise differs between trials."""
+"""Fields set to the trial's seed, unless `vary` sets them: each trial has noise of its own, for all architectures."""
 
 
 @dataclass(frozen=True)

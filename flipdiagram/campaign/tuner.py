@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,14 +13,14 @@ import numpy as np
 
 from flipdiagram.campaign.engine import Engine
 from flipdiagram.campaign.engines import engine
-from flipdiagram.campaign.modes import SUCCESS, mode_of
+from flipdiagram.campaign.modes import MODES, SUCCESS, mode_of
 from flipdiagram.campaign.running import WORK, Job, fly_all
 from flipdiagram.campaign.specification import Specification, value_of
 from flipdiagram.campaign.statistics import mcnemar, paired_difference, wilson
 from flipdiagram.campaign.tuning import Goal, Tune
 from flipdiagram.campaign.work import Landed, Planned, Work
 from flipdiagram.errors import ScenarioError
-from flipdiagram.studies.flips import Flip, Outcome
+from flipdiagram.studies.flips import Clock, Flip, Outcome
 from flipdiagram.studies.store import Store
 
 BATCH = 4
@@ -55,11 +56,17 @@ class Candidate:
         return [None if o.metrics is None else float(getattr(o.metrics, self.goal.metric)) for o in self.outcomes]
 
     def as_dict(self) -> dict[str, Any]:
-        """Rate, interval and quantile."""
+        """Rate, interval, quantile, and how many flips ended how."""
         won = sum(self.won)
         low, high = wilson(won, len(self.won))
-        rate = won / len(self.won)
-        return {"rate": rate, "low": low, "high": high, "quantile": self.goal.quantile_of(self.won, self.errors)}
+        ended = Counter(mode_of(outcome.failure, outcome.metrics) for outcome in self.outcomes)
+        return {
+            "rate": won / len(self.won),
+            "low": low,
+            "high": high,
+            "quantile": self.goal.quantile_of(self.won, self.errors),
+            "modes": {mode: ended[mode] for mode in MODES if ended[mode]},
+        }
 
 
 def tune(
@@ -80,11 +87,12 @@ def tune(
     search = _Search(wanted)
     held_out = held_out_trials(specification, wanted)
     with Store(Path(out) / "tune.sqlite") as store, engine(jobs, scheduler) as found:
-        flyer = _Flyer(store, found, wanted, work)
+        count = max(wanted.budget // specification.trials, 2)
+        clock = Clock(count * specification.trials + 2 * held_out.trials)
+        flyer = _Flyer(store, found, wanted, work, clock, progress)
         default = {path: value_of(specification.base, path) for path in wanted.over}
         tried = flyer.fly(specification, [default])
         search.tell_default(tried[0])
-        count = max(wanted.budget // specification.trials, 2)
         while len(tried) < count:
             progress(f"{len(tried)} of {count} sets of gains, best: {_best(tried).as_dict()['rate']:.0%} turned over")
             asked = search.ask(min(BATCH, count - len(tried)))
@@ -146,8 +154,11 @@ class _Search:
 class _Flyer:
     """Flies sets of gains over trials; what the store holds is not flown again."""
 
-    def __init__(self, store: Store, engine: Engine, wanted: Tune, work: Work) -> None:
+    def __init__(
+        self, store: Store, engine: Engine, wanted: Tune, work: Work, clock: Clock, progress: Progress
+    ) -> None:
         self._store, self._engine, self._wanted, self._work = store, engine, wanted, work
+        self._clock, self._progress = clock, progress
 
     def fly(self, specification: Specification, candidates: Sequence[Gains]) -> list[Candidate]:
         """The candidates with their outcomes."""
@@ -164,6 +175,7 @@ class _Flyer:
                 if self._store.outcome(job.name) is None:
                     missing[job.name] = job
             jobs.append(keys)
+        self._clock.total -= len(candidates) * specification.trials - len(missing)  # of an earlier run
         fly_all(missing.values(), self._engine, self, specification.timeout, self._work)
         found = [tuple(Outcome.from_json(self._store.outcome(key) or "") for key in keys) for keys in jobs]
         return [Candidate(gains, o, self._wanted.goal) for gains, o in zip(candidates, found, strict=True)]
@@ -178,6 +190,7 @@ class _Flyer:
         for job, landed in ended:
             text = landed.outcome.to_json()
             self._store.put_outcome(job.name, job.architecture, job.truth.to_yaml(), text, landed.seconds)
+            self._progress(f"flips {self._clock.tick()}")
 
 
 def _key(job: Job) -> str:

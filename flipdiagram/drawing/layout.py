@@ -7,7 +7,10 @@ from dataclasses import dataclass
 
 from flipdiagram.drawing.graph import Arrow, Graph, Path
 
-FEEDBACK = ("tool_kinematics", "disturbance_observer", "encoder", "velocity", "measured_acceleration", "v_noise_sum")
+FEEDBACK = (
+    "tool_kinematics", "disturbance_observer", "encoder", "velocity", "measured_acceleration", "v_noise_sum",
+    "position_noise", "velocity_noise",
+)  # fmt: skip
 """Boxes of ours on the way back from the plant; no rule could tell them from the boxes of the forward path."""
 
 

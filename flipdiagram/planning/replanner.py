@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from itertools import product
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from flipdiagram.contact import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import limits
 from flipdiagram.planning.constraints import Trajectory
-from flipdiagram.planning.convexification import Convexification
+from flipdiagram.planning.convexification import Convexification, Outcome
 from flipdiagram.planning.finish import plan_of
 from flipdiagram.planning.plan import Plan
 from flipdiagram.scenario import Scenario
@@ -47,24 +48,58 @@ class Replanner:
         horizons = self.horizons
         horizons.program_times.clear()
         horizons.restart(np.asarray(state, dtype=float), q, shift)
-        guess, most = self._guess(state, plan, elapsed, n_contact), self.scenario.planner.replan_iterations
-        outcome = horizons.settle(guess, TOLERANCE, most, rescue=False)
+        found: list[Outcome] = []
+        reason: PlanningError | None = None
+        for samples, flight in self._candidates(n_contact, plan.n_flight):
+            try:
+                outcome = self._settled(state, plan, elapsed, samples, flight)
+            except PlanningError as error:
+                reason = reason or error
+                continue
+            found.append(outcome)
+        if not found:
+            raise reason or PlanningError("no motion found")
+        best = self._best(found)
+        uses = limits.limit_use(best.motion, self.arm)
+        return plan_of(best, horizons, {kind: float(use.max()) for kind, use in uses.items()}, begin)
+
+    def _candidates(self, n_contact: int, n_flight: int) -> list[tuple[int, int]]:
+        """Contact and flight samples to try: those of the old plan first, then as far from them as is allowed."""
+        settings = self.scenario.planner
+        steps = range(-settings.replan_search, settings.replan_search + 1)
+        near = sorted(product(steps, steps), key=lambda step: abs(step[0]) + abs(step[1]))
+        low, high = settings.flight_samples
+        return [
+            (n_contact + i, n_flight + j)
+            for i, j in near
+            if (i, j) == (0, 0)
+            or (FEWEST <= n_contact + i <= self.horizons.layout.release and low <= n_flight + j <= high)
+        ]
+
+    def _settled(self, state: Floats, plan: Plan, elapsed: float, n_contact: int, n_flight: int) -> Outcome:
+        guess = self._guess(state, plan, elapsed, n_contact, n_flight)
+        outcome = self.horizons.settle(guess, TOLERANCE, self.scenario.planner.replan_iterations, rescue=False)
         if not outcome.settled:
             raise PlanningError("the linearisation has not settled")
-        uses = limits.limit_use(outcome.motion, self.arm)
-        return plan_of(outcome, horizons, {kind: float(use.max()) for kind, use in uses.items()}, begin)
+        return outcome
 
-    def _guess(self, state: Floats, plan: Plan, elapsed: float, n_contact: int) -> Trajectory:
+    def _best(self, found: list[Outcome]) -> Outcome:
+        """The first, unless another one's J is smaller by more than planner.search_tolerance."""
+        best = min(found, key=lambda outcome: outcome.cost)
+        return found[0] if found[0].cost <= (1 + self.scenario.planner.search_tolerance) * best.cost else best
+
+    def _guess(self, state: Floats, plan: Plan, elapsed: float, n_contact: int, n_flight: int) -> Trajectory:
         """The old plan from `elapsed` on, on the samples of the new horizon, moved to begin at the state."""
         layout, dt = self.horizons.layout, plan.sampling_time
-        first = layout.release - n_contact
-        t = elapsed + dt * np.arange(n_contact + layout.n_brake + 1)
-        x, v, _ = plan.sample(t)
-        moving = np.hstack([x, v])
+        first, left = layout.release - n_contact, self.samples_left(plan, elapsed)
+        k = np.arange(n_contact + layout.n_brake + 1)
+        pace = left / n_contact if n_contact != left else 1.0
+        x, v, _ = plan.sample(elapsed + dt * np.where(k <= n_contact, k * pace, k - n_contact + left))
+        moving = np.hstack([x, v * np.where(k <= n_contact, pace, 1.0)[:, None]])
         fade = np.linspace(1.0, 0.0, n_contact + 1)[:, None]
         moving[: n_contact + 1] += fade * (np.asarray(state) - moving[0])
         states = np.tile(moving[0], (layout.intervals + 1, 1))
         states[first:] = moving
         inputs = np.zeros((layout.intervals, 3))
         inputs[first:] = np.diff(moving[:, 3:], axis=0) / dt
-        return Trajectory(states, inputs, n_contact, plan.n_flight, dt)
+        return Trajectory(states, inputs, n_contact, n_flight, dt)

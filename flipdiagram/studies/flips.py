@@ -32,7 +32,7 @@ BATCH = 150
 SOURCES = (
     "arm", "arm_files", "assembly", "assets", "blocks", "contact", "controller", "inverse_kinematics", "loop",
     "margins", "metrics", "parts", "planning", "plants", "recording", "replacement", "scenario", "scenario_io",
-    "scenario_one_dof", "scenario_parts", "scenario_place", "simulate", "task_space",
+    "scenario_one_dof", "scenario_parts", "scenario_place", "serial_chain", "simulate", "task_space",
 )  # fmt: skip
 """Modules whose code decides what a flip measures; a test compares them with what `simulate`, `metrics` import."""
 

@@ -1,4 +1,4 @@
-"""What planning again buys: the same disturbed flips with the plan made once, and with three ways of replanning."""
+"""What planning again buys: the same disturbed flips with the plan made once, and with four ways of replanning."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ PERIOD = 0.04
 """How often the motion is planned again [s], where the scenario does not say."""
 CAMERA = 0.02
 """Period of the camera [s], where the scenario has none."""
+SEARCH = 2
+"""Contact and flight samples by which a new plan may differ, where the scenario does not say."""
 
 CASES: dict[str, Mapping[str, Any]] = {
     "nothing": {},
@@ -38,6 +40,9 @@ def ways_of(scenario: Scenario) -> dict[str, Mapping[str, Any]]:
         "planned once": {"planner.replan_period": None, "sensors.camera_period": None},
         "from the command": period | {"planner.replan_from": "commanded", "sensors.camera_period": None},
         "from the measured tool": period | {"planner.replan_from": "measured", "sensors.camera_period": None},
+        "measured, other horizons": period
+        | {"planner.replan_from": "measured", "planner.replan_search": scenario.planner.replan_search or SEARCH}
+        | {"sensors.camera_period": None},
         "measured, with camera": period | {"planner.replan_from": "measured"} | camera,
     }
 

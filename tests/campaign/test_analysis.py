@@ -4,6 +4,7 @@ import io
 import json
 import shutil
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from flipdiagram.campaign.analysis import analyse
 from flipdiagram.campaign.checks import from_text
 from flipdiagram.campaign.conduct import run
 from flipdiagram.campaign.dataset import METRICS, export, load_dataset, parameters_of, to_dataset
-from flipdiagram.campaign.modes import MODES, mode_of
+from flipdiagram.campaign.modes import LIMITED, MODES, mode_of
 from flipdiagram.campaign.opening import begun
 from flipdiagram.campaign.results import Row
 from flipdiagram.campaign.watch import status_grid, watch
@@ -144,6 +145,24 @@ def test_modes_follow_the_text_and_how_the_block_left():
     assert set(campaign_figures.COLOURS) == set(MODES)
 
 
+def test_a_failure_after_long_saturation_is_one_of_the_torque_limit_and_nothing_else_is():
+    from campaign.made_up import metrics_of
+
+    class Flight:
+        truth = from_text(QUIET).base
+        architecture = "pd"
+
+    short, unknown, long = (
+        replace(metrics_of(Flight, won=False), saturated_s=time) for time in (LIMITED, np.nan, LIMITED + 1e-3)
+    )
+    failures = {"dropped at 0.2 s": "slid off", "landed at 1.2 rad": "wrong angle", "never landed": "never landed",
+                "blade hit the table at 0.3 s, dropped at 0.4 s": "hit the table"}  # fmt: skip
+    for text, mode in failures.items():
+        moved = [replace(metrics, max_lift_off_m=0.0) for metrics in (short, unknown, long)]
+        assert [mode_of(text, metrics) for metrics in moved] == [mode, mode, "torque limit"]
+    assert mode_of(None, long) == "turned over"
+
+
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     return run(from_text(QUIET), tmp_path_factory.mktemp("campaign"), jobs=2, work=WORK).file
@@ -181,7 +200,7 @@ def test_the_analysis_is_written_with_all_its_figures(file, tmp_path):
     assert "`pd+ff+dob` − `pd`" in page and "object.friction" in page
     assert "(campaign/campaign_map.png)" in campaign_tables.section(summary, "campaign")
     shutil.copy(file, tmp_path)
-    assert f"({tmp_path.name}/campaign_map.png)" in report_section(tmp_path.parent, tmp_path.name)
+    assert f"({tmp_path.name}/campaign_map.png)" in report_section(tmp_path.parent, [tmp_path.name])
 
 
 def test_figures_of_hundreds_of_flips_and_of_none(summary, data, tmp_path):

@@ -12,8 +12,10 @@ from campaign.made_up import contents
 from flipdiagram.campaign import children
 from flipdiagram.campaign.checks import from_text
 from flipdiagram.campaign.conduct import run
+from flipdiagram.campaign.modes import LIMITED
 from flipdiagram.campaign.opening import opened
 from flipdiagram.loop import build_loop
+from flipdiagram.metrics import SATURATED
 from flipdiagram.planning import plan_motion
 from flipdiagram.studies.flips import Flip, fly_one
 
@@ -47,6 +49,30 @@ def test_a_row_is_what_a_single_flip_measures(undisturbed, tmp_path):
     row = next(row for row in undisturbed if (row["trial"], row["architecture"]) == (1, "pd+ff+dob"))
     measured = outcome.metrics.as_dict()
     assert row["metrics"] == json.loads(json.dumps(measured | {"torque_use": row["metrics"]["torque_use"]}))
+
+
+WEAK = TEXT[: TEXT.index("vary")] + """
+vary:
+  arm.torque_scale: {grid: [0.15, 1.0]}
+  disturbance.payload: {grid: [0.0, 1.0]}
+sampler: grid
+architectures: [pd+ff+dob]
+timeout: 100
+"""
+
+
+def test_a_flip_that_lacks_torque_fails_by_its_limit_and_one_that_never_reached_it_by_what_happened(tmp_path):
+    rows = {tuple(row["values"]): row for row in contents(run(from_text(WEAK), tmp_path, jobs=2).file)}
+    for payload in (0.0, 1.0):
+        weak = rows[0.15, payload]
+        assert weak["outcome"] == "torque limit" and weak["metrics"]["saturated_s"] > 5 * LIMITED
+        assert weak["failure"].startswith("blade hit the table") and weak["metrics"]["torque_use"] >= SATURATED
+    # torque is all that it lacked: with the arm's own the same flip succeeds
+    assert rows[1.0, 0.0]["outcome"] == "turned over"
+    # an unknown payload of 1 kg fails the same way, with torque to spare
+    heavy = rows[1.0, 1.0]
+    assert heavy["outcome"] == "hit the table" and heavy["failure"].startswith("blade hit the table")
+    assert heavy["metrics"]["saturated_s"] == 0 and heavy["metrics"]["torque_use"] < 0.9
 
 
 @pytest.mark.parametrize("jobs", [2, 4])

@@ -6,6 +6,7 @@ import pytest
 from campaign.made_up import QUIET
 
 from flipdiagram.campaign.checks import changes_of, check_estimate, estimated_hours, from_text, load_specification
+from flipdiagram.campaign.conduct import _missing
 from flipdiagram.campaign.reading import parse
 from flipdiagram.campaign.tuning import load_tuning, tuning
 from flipdiagram.errors import ScenarioError
@@ -115,6 +116,28 @@ def test_planner_and_controller_do_not_know_what_varies_in_the_world_unless_told
     assert len(keys) == 1
 
 
+def test_noise_of_a_trial_has_its_seed_whatever_the_architecture_unless_the_file_sets_it():
+    noise = "object.mass: {choice: [0.05, 0.06]}\n  sensors.position_noise: {loguniform: [1.0e-6, 1.0e-3]}"
+    text = GOOD.replace("object.mass: {choice: [0.05, 0.06]}", noise)
+    found = from_text(text)
+    seeds = [found.truth(found.trial(k)).sensors.noise_seed for k in range(8)]
+    assert seeds == [found.trial(k).seed for k in range(8)] and len(set(seeds)) == 8
+    assert all(1e-6 <= found.truth(found.trial(k)).sensors.position_noise <= 1e-3 for k in range(8))
+    jobs = list(_missing(found, {}))
+    assert [job.truth.sensors.noise_seed for job in jobs] == [seed for seed in seeds for _ in found.architectures]
+    other = from_text(text + "seed: 9\n")
+    assert not {other.truth(other.trial(k)).sensors.noise_seed for k in range(8)} & set(seeds)
+    named = from_text(text.replace("vary:\n", "vary:\n  sensors.noise_seed: {choice: [4]}\n"))
+    assert {named.truth(named.trial(k)).sensors.noise_seed for k in range(8)} == {4}
+    assert named.trial(0).overrides["sensors.camera_seed"] == named.trial(0).seed
+
+
+def test_noise_that_cannot_be_is_refused_with_its_line():
+    text = GOOD.replace("object.mass: {choice: [0.05, 0.06]}", "sensors.velocity_noise: {uniform: [-1.0, 1.0]}")
+    with pytest.raises(ScenarioError, match=r"line 5: .*'sensors.velocity_noise' = -1.0 is not valid; valid is .* at least 0"):
+        from_text(text, "mine.yaml")
+
+
 def test_a_list_is_scaled_element_by_element_and_fields_joined_by_a_comma_together():
     found = from_text(
         GOOD.replace("object.mass: {choice: [0.05, 0.06]}", "arm.link_inertia_scales: {scale: {uniform: [0.8, 1.2]}}")
@@ -192,4 +215,4 @@ def test_the_examples_are_valid():
     examples = Path(__file__).parents[2] / "examples"
     assert load_specification(examples / "campaign.yaml").rows == 256
     found, wanted = load_tuning(examples / "tuning.yaml")
-    assert found.trials == 16 and wanted.budget == 400 and len(wanted.over) == 5
+    assert found.trials == 16 and wanted.budget == 320 and len(wanted.over) == 5

@@ -1,5 +1,7 @@
 """The tuner: it finds what it can, judges on trials it has not seen, and goes on where it was."""
 
+import shutil
+
 import pytest
 from campaign import made_up
 from campaign.made_up import QUIET
@@ -87,6 +89,28 @@ def test_the_result_is_written_with_its_figure(found, tmp_path):
     page = (tmp_path / "tuning.md").read_text()
     assert "`controller.k_p`" in page and "held out (40 trials)" in page
     assert (tmp_path / "tuning.png").stat().st_size > 5000
-    assert report_section(tmp_path.parent, "nothing") == ""
-    text = report_section(tmp_path.parent, tmp_path.name)
+    assert "of rates Wilson's" in page
+    held = found[1]["held_out"]
+    assert sum(held["default"]["modes"].values()) == 40
+    lost = 40 - held["default"]["modes"]["turned over"]
+    assert f"{lost} slid off" in page or f"{lost} tipped" in page
+    assert report_section(tmp_path.parent, ["nothing"]) == ""
+    text = report_section(tmp_path.parent, ["nothing", tmp_path.name])
+    assert "Default gains against tuned ones" in text
     assert "`controller.k_p`" in text and f"({tmp_path.name}/tuning.png)" in text
+    shutil.copytree(tmp_path, tmp_path / "tuning", ignore=lambda *_: ["tuning"])
+    assert "(tuning/tuning.png)" in report_section(tmp_path)  # the folder that the report looks into
+
+
+def test_the_time_left_is_that_of_the_flips_that_are_missing(tmp_path):
+    def said(text):
+        if text.startswith("flips"):
+            lines.append(text)
+
+    for expected in (320, 0):
+        lines: list[str] = []
+        tune(*wanted(), tmp_path, jobs=2, work=GAINS, progress=said)
+        assert len(lines) == expected
+    assert not lines
+
+

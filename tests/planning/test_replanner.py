@@ -90,3 +90,49 @@ def test_an_object_off_centre_lets_the_blade_keep_its_distance(scenario, arm, re
     for s in (half - shift, -half - shift):
         lowest = again.states[1:, 1] + s * np.sin(theta) - (h + thick) * np.cos(theta)
         assert lowest.min() > floor - 2e-4
+
+
+@pytest.fixture(scope="module")
+def searching(scenario, arm):
+    return Replanner(scenario.with_overrides({"planner.replan_search": 2, "planner.solver": "daqp"}), arm)
+
+
+def test_other_horizons_are_searched_where_the_old_one_costs_much_more(scenario, arm, searching, replanner, plan):
+    """Thrown far off its way, the block flies better for longer; near it the old horizon is kept."""
+    rng, changed = np.random.default_rng(0), 0
+    for scale in (0.2, 8.0):
+        for k in (6, 8, 10, 12):
+            state = plan.states[k] + scale * rng.normal(size=6) * [0.002, 0.002, 0.01, 0.02, 0.02, 0.1]
+            q = joints(scenario, arm, state)
+            old, new = (one.replan(state, plan, k * 0.02, q) for one in (replanner, searching))
+            same = (old.n_contact, old.n_flight) == (new.n_contact, new.n_flight)
+            assert new.cost <= old.cost * (1 + 1e-4) if same else new.cost < old.cost / (1 + scenario.planner.search_tolerance)
+            assert abs(new.n_contact - (plan.n_contact - k)) <= 2 and abs(new.n_flight - plan.n_flight) <= 2
+            np.testing.assert_allclose(new.states[0], state, atol=1e-6)
+            np.testing.assert_allclose(new.landing[1], 0.2 + scenario.object.thickness / 2, atol=0.05)
+            changed += not same
+            assert same or scale > 1
+    assert changed >= 2
+
+
+def test_another_horizon_begins_from_the_old_motion_at_another_pace(searching, plan):
+    """Same path, stretched in time: ends where the old contact phase ends, with its velocity scaled."""
+    state = plan.states[8]
+    left = plan.n_contact - 8
+    for n_contact in (left - 2, left, left + 2):
+        guess = searching._guess(state, plan, 8 * 0.02, n_contact, plan.n_flight)
+        release = searching.horizons.layout.release
+        np.testing.assert_allclose(guess.states[release, :3], plan.release[:3], atol=1e-12)
+        np.testing.assert_allclose(guess.states[release, 3:], plan.release[3:] * left / n_contact, atol=1e-12)
+        np.testing.assert_allclose(guess.states[release - n_contact], state, atol=1e-12)
+        assert guess.n_contact == n_contact
+        np.testing.assert_allclose(guess.states[-1, :3], plan.states[-1, :3], atol=1e-12)
+
+
+def test_a_searched_replan_stays_within_the_horizons_that_are_allowed(scenario, arm, plan):
+    narrow = scenario.with_overrides({"planner.replan_search": 5, "planner.flight_samples": (5, 6)})
+    found = Replanner(narrow, arm)._candidates(24, 5)
+    assert found[0] == (24, 5)
+    assert {flight for _, flight in found} == {5, 6}
+    assert max(contact for contact, _ in found) <= 29 and min(contact for contact, _ in found) == 19
+    assert Replanner(scenario, arm)._candidates(24, 5) == [(24, 5)]
