@@ -85,5 +85,5 @@ def test_replanning_flies_every_case_in_every_way(run, tmp_path):
     summary = json.loads((tmp_path / "r" / "summary.json").read_text())
     assert summary["schema"] == "flipdiagram/replanning/1" and summary["quick"]
     found = {(run["case"], run["way"], run["architecture"]) for run in summary["runs"]}
-    assert len(found) == len(summary["runs"]) == 2 * 4 * 4
+    assert len(found) == len(summary["runs"]) == 2 * 5 * 4
     assert "planned once" in out.decode()
