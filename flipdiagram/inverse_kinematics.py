@@ -9,7 +9,6 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from flipdiagram import task_space
 from flipdiagram.errors import PlanningError
@@ -62,6 +61,8 @@ def search(arm: Kinematics, target: Array, tol: float, through: Sequence[Array] 
     same in every run.  Raises PlanningError naming the pose where none leads there.
     """
     seeds = qmc.Halton(len(arm.q_min), scramble=False).random(SEEDS + 1)[1:]  # the first is the corner
+    from scipy.stats import qmc  # a third of a second, and the MH3F knows its home
+
     best: Array | None = None
     largest = 0.0
     for seed in arm.q_min + seeds * (arm.q_max - arm.q_min):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -25,6 +24,8 @@ CHUNK = 0.1
 """Simulated seconds between two looks at progress and divergence."""
 FRAME = 0.02
 """The same where somebody watches."""
+ROUNDING = 1e-6
+"""Seconds below which two ends of a motion are one."""
 
 
 @dataclass(frozen=True)
@@ -61,21 +62,35 @@ def simulate(
     simulator.Initialize()
     plan = loop.mpc.plan(loop.mpc.GetMyContextFromRoot(context))
     assert plan is not None, "the MPC's initialisation sets a plan"
-    settings = scenario.simulation
-    end = settings.hold_time + max(plan.duration, plan.touchdown_time) + settings.settle_time
+    end = _end(scenario, plan)
     begin = time.perf_counter()
     length = CHUNK if pace is None else FRAME
-    for chunk in range(1, math.ceil(end / length) + 1):
+    until, chunk = 0.0, 0
+    while until < end:
+        chunk += 1
         until = min(chunk * length, end)
         _advance(simulator, until)
         if progress is not None:
             progress(until / end)
         if pace is not None:
             pace(until)
+        later = _end(scenario, _followed(loop, context, plan))
+        end = later if later > end + ROUNDING else end  # a plan made again may take longer
     elapsed = time.perf_counter() - begin
-    mine = loop.mpc.GetMyContextFromRoot(context)
-    last = loop.mpc.last_command(mine) if isinstance(loop.mpc, RecedingHorizonController) else None
-    return Run(_read(loop, context, last or plan), plan, end / elapsed)
+    return Run(_read(loop, context, _followed(loop, context, plan)), plan, end / elapsed)
+
+
+def _end(scenario: Scenario, followed: Plan | Command) -> float:
+    """When the simulation of a motion ends [s], counted from its own start."""
+    settings = scenario.simulation
+    return settings.hold_time + max(followed.end_time, followed.touchdown_time) + settings.settle_time
+
+
+def _followed(loop: Loop, context: Context, plan: Plan) -> Plan | Command:
+    """The newest command of an MPC that plans again, else the plan."""
+    if not isinstance(loop.mpc, RecedingHorizonController):
+        return plan
+    return loop.mpc.last_command(loop.mpc.GetMyContextFromRoot(context)) or plan
 
 
 def _check_loop(loop: Loop, scenario: Scenario, architecture: str, replace: Mapping[str, Box] | None) -> None:

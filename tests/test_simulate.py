@@ -141,3 +141,18 @@ def test_a_diverging_loop_ends_with_one_line(plan):
     with pytest.raises(SimulationError, match="diverged before") as caught:
         simulate(scenario, "pd", plan)
     assert "\n" not in str(caught.value)
+
+
+def test_a_motion_that_takes_longer_when_planned_again_is_simulated_to_its_end():
+    """Other horizons are allowed, and from 2 cm off a longer contact phase costs less."""
+    longer = Scenario().with_overrides(
+        {
+            "planner.replan_period": 0.04, "planner.replan_search": 2, "disturbance.start_error": 0.02,
+            "simulation.hold_time": 0.1, "simulation.settle_time": 0.05,
+        }
+    )  # fmt: skip
+    run = simulate(longer, "pd+ff+dob")
+    data = run.recording
+    assert data.attrs["end_time_s"] > run.plan.duration + 0.01
+    needed = max(data.attrs["end_time_s"], data.attrs["touchdown_time_s"]) + 0.05
+    assert data["time"].values[-1] == pytest.approx(needed, abs=2e-3)
