@@ -60,9 +60,9 @@ def search(arm: Kinematics, target: Array, tol: float, through: Sequence[Array] 
     largest smallest singular value of J over all of them, far from joint limits.  The seeds are a Halton sequence, the
     same in every run.  Raises PlanningError naming the pose where none leads there.
     """
-    seeds = qmc.Halton(len(arm.q_min), scramble=False).random(SEEDS + 1)[1:]  # the first is the corner
     from scipy.stats import qmc  # a third of a second, and the MH3F knows its home
 
+    seeds = qmc.Halton(len(arm.q_min), scramble=False).random(SEEDS + 1)[1:]  # the first is the corner
     best: Array | None = None
     largest = 0.0
     for seed in arm.q_min + seeds * (arm.q_max - arm.q_min):

@@ -7,6 +7,7 @@ sticks to the tool both move as one; after the release the object flies with inp
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -21,12 +22,14 @@ def transition(sampling_time: float) -> tuple[Floats, Floats]:
     return a, b
 
 
+@lru_cache(maxsize=256)
 def flight(duration: float) -> tuple[Floats, Floats]:
-    """Ballistic flight over a duration [s] as x̂(t) = F x̂(0) + f: returns F (6, 6), f (6,)."""
+    """Ballistic flight over a duration [s] as x̂(t) = F x̂(0) + f: returns F (6, 6), f (6,), which are read-only."""
     matrix = np.eye(6)
     matrix[:3, 3:] = duration * np.eye(3)
     offset = np.zeros(6)
     offset[1], offset[4] = GRAVITY_Z * duration**2 / 2, GRAVITY_Z * duration
+    matrix.flags.writeable = offset.flags.writeable = False
     return matrix, offset
 
 

@@ -11,12 +11,9 @@ from flipdiagram.serial_chain import SerialChain
 
 
 class Along:
-    """What chain.along fills for joint angles q (K, n) and tool velocities v (K, 3).
+    """What chain.along fills for joint angles q (K, n) and tool velocities v (K, 3)."""
 
-    massive: torques will be asked for.
-    """
-
-    def __init__(self, chain: SerialChain, q: Floats, v: Floats, massive: bool = True) -> None:
+    def __init__(self, chain: SerialChain, q: Floats, v: Floats) -> None:
         count, n = q.shape
         self.chain = chain
         self.w, self.o, self.c = np.empty((3, count, n, 3))
@@ -24,7 +21,7 @@ class Along:
         self.qd, self.bias = np.empty((count, n)), np.empty((count, 6))
         self.regular = kinematics.along(
             q, v, chain.axes, chain.points, chain.centres, chain.inertias, chain.tip, chain.tip_turn,
-            massive, self.w, self.o, self.c, self.links, self.from_task, self.qd, self.bias,
+            self.w, self.o, self.c, self.links, self.from_task, self.qd, self.bias,
         )  # fmt: skip
 
     def torques(self, a: Floats) -> Floats:
@@ -43,3 +40,10 @@ class Along:
             self.from_task, self.w, self.o, self.c, self.links, chain.mass, chain.rotor, found
         )
         return found
+
+
+def speeds(chain: SerialChain, q: Floats, v: Floats) -> Floats:
+    """q̇ (K, n) alone, for joint angles q (K, n) that are not singular and tool velocities v (K, 3)."""
+    qd = np.empty_like(q)
+    kinematics.speeds(q, v, chain.axes, chain.points, chain.tip, chain.tip_turn, qd)
+    return qd

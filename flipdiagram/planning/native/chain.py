@@ -26,11 +26,14 @@ LONGEST_STEP = 0.3
 
 @jit
 def place(q: Any, axes: Any, points: Any, centres: Any, inertias: Any, tip: Any, tip_turn: Any, massive: bool,
-          w: Any, o: Any, c: Any, links: Any, end: Any) -> None:  # fmt: skip
+          w: Any, o: Any, c: Any, links: Any, end: Any, scratch: Any) -> None:  # fmt: skip
     """Fill where things are at q: axes w, points on them o (n, 3); end (4, 3): rotation in rows 0-2, position of C in
-    row 3; where `massive` the mass centres c (n, 3) and inertias `links` (n, 3, 3) too."""
-    R, E, S = np.eye(3), np.empty((3, 3)), np.empty((3, 3))
-    p = np.zeros(3)
+    row 3; where `massive` the mass centres c (n, 3) and inertias `links` (n, 3, 3) too.  scratch: (10, 3)."""
+    R, E, S, p = scratch[:3], scratch[3:6], scratch[6:9], scratch[9]
+    for r in range(3):
+        p[r] = 0.0
+        for s in range(3):
+            R[r, s] = 1.0 if r == s else 0.0
     for i in range(q.size):
         for r in range(3):
             w[i, r] = R[r, 0] * axes[i, 0] + R[r, 1] * axes[i, 1] + R[r, 2] * axes[i, 2]
@@ -104,8 +107,8 @@ def pose_error(target: Any, end: Any, error: Any) -> float:
 
 
 @jit
-def pseudo_inverse(J: Any, P: Any, G: Any) -> bool:
-    """Fill P (n, 6) = Jᵀ (J Jᵀ)⁻¹ by Cholesky, G (6, 6) being scratch; False where J has lost its rank."""
+def factorise(J: Any, G: Any) -> bool:
+    """Fill the lower triangle of G (6, 6) with G Gᵀ = J Jᵀ; False where J has lost its rank."""
     n = J.shape[1]
     for r in range(6):
         for s in range(r + 1):
@@ -120,18 +123,20 @@ def pseudo_inverse(J: Any, P: Any, G: Any) -> bool:
                 G[r, r] = math.sqrt(total)
             else:
                 G[r, s] = total / G[s, s]
-    for j in range(n):
-        for r in range(6):
-            total = J[r, j]
-            for k in range(r):
-                total -= G[r, k] * P[j, k]
-            P[j, r] = total / G[r, r]
-        for r in range(5, -1, -1):
-            total = P[j, r]
-            for k in range(r + 1, 6):
-                total -= G[k, r] * P[j, k]
-            P[j, r] = total / G[r, r]
     return True
+
+
+@jit
+def back(G: Any, y: Any) -> None:
+    """Replace y (6,) by (G Gᵀ)⁻¹ y."""
+    for r in range(6):
+        for k in range(r):
+            y[r] -= G[r, k] * y[k]
+        y[r] /= G[r, r]
+    for r in range(5, -1, -1):
+        for k in range(r + 1, 6):
+            y[r] -= G[k, r] * y[k]
+        y[r] /= G[r, r]
 
 
 @jit
@@ -167,12 +172,15 @@ def bias_acceleration(qd: Any, w: Any, o: Any, end: Any, bias: Any) -> None:
 
 @jit
 def follow(targets: Any, tolerance: float, axes: Any, points: Any, tip: Any, tip_turn: Any, q: Any) -> int:
-    """Fill q (K, n) along the task poses (K, 6); q[0] is given, and each sample starts from the quadratic extrapolation
-    of the three before.  Returns the first sample that Newton's method does not reach, K where it reaches all."""
+    """Fill q (K, n) along the task poses (K, 6) by steps Jᵀ (J Jᵀ)⁻¹ error; q[0] is given.
+
+    Each sample starts from the quadratic extrapolation of the three before.  Returns the first sample that Newton's
+    method does not reach, K where it reaches all.
+    """
     count, n = q.shape
     w, o, c, links = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3, 3))
-    end, J, P, G, error = np.empty((4, 3)), np.empty((6, n)), np.empty((n, 6)), np.zeros((6, 6)), np.empty(6)
-    massless = np.zeros((n, 3, 3))
+    end, J, G, error = np.empty((4, 3)), np.empty((6, n)), np.zeros((6, 6)), np.empty(6)
+    scratch = np.empty((10, 3))
     for k in range(1, count):
         for i in range(n):
             if k == 1:
@@ -183,17 +191,18 @@ def follow(targets: Any, tolerance: float, axes: Any, points: Any, tip: Any, tip
                 q[k, i] = 3 * (q[k - 1, i] - q[k - 2, i]) + q[k - 3, i]
         reached = False
         for _ in range(ITERATIONS):
-            place(q[k], axes, points, points, massless, tip, tip_turn, False, w, o, c, links, end)
+            place(q[k], axes, points, points, links, tip, tip_turn, False, w, o, c, links, end, scratch)
             if pose_error(targets[k], end, error) < tolerance:
                 reached = True
                 break
-            if not jacobian(w, o, end, J) or not pseudo_inverse(J, P, G):
+            if not jacobian(w, o, end, J) or not factorise(J, G):
                 break
+            back(G, error)
             longest = 0.0
             for i in range(n):
                 step = 0.0
                 for r in range(6):
-                    step += P[i, r] * error[r]
+                    step += J[r, i] * error[r]
                 q[k, i] += step
                 longest = max(longest, abs(step))
             if not longest < LONGEST_STEP:
@@ -206,17 +215,41 @@ def follow(targets: Any, tolerance: float, axes: Any, points: Any, tip: Any, tip
 
 
 @jit
-def along(q: Any, v: Any, axes: Any, points: Any, centres: Any, inertias: Any, tip: Any, tip_turn: Any, massive: bool,
+def along(q: Any, v: Any, axes: Any, points: Any, centres: Any, inertias: Any, tip: Any, tip_turn: Any,
           w: Any, o: Any, c: Any, links: Any, P: Any, qd: Any, bias: Any) -> bool:  # fmt: skip
     """Fill for joint angles q (K, n) and tool velocities v (K, 3): w, o, c (K, n, 3), links (K, n, 3, 3) of `place`,
-    P = J⁻¹ (K, n, 6), q̇ = P v (K, n), J' q̇ (K, 6).  False where J has no inverse."""
+    P = Jᵀ (J Jᵀ)⁻¹ (K, n, 6), q̇ = P v (K, n), J' q̇ (K, 6).  False where J has no inverse."""
     count, n = q.shape
-    end, J, G = np.empty((4, 3)), np.empty((6, n)), np.zeros((6, 6))
+    end, J, G, scratch = np.empty((4, 3)), np.empty((6, n)), np.zeros((6, 6)), np.empty((10, 3))
     for k in range(count):
-        place(q[k], axes, points, centres, inertias, tip, tip_turn, massive, w[k], o[k], c[k], links[k], end)
-        if not jacobian(w[k], o[k], end, J) or not pseudo_inverse(J, P[k], G):
+        place(q[k], axes, points, centres, inertias, tip, tip_turn, True, w[k], o[k], c[k], links[k], end, scratch)
+        if not jacobian(w[k], o[k], end, J) or not factorise(J, G):
             return False
         for i in range(n):
+            for r in range(6):
+                P[k, i, r] = J[r, i]
+            back(G, P[k, i])  # a row of Jᵀ (J Jᵀ)⁻¹, the matrix being symmetric
             qd[k, i] = P[k, i, 0] * v[k, 0] + P[k, i, 1] * v[k, 1] + P[k, i, 2] * v[k, 2]
         bias_acceleration(qd[k], w[k], o[k], end, bias[k])
+    return True
+
+
+@jit
+def speeds(q: Any, v: Any, axes: Any, points: Any, tip: Any, tip_turn: Any, qd: Any) -> bool:
+    """Fill q̇ (K, n) alone, as `along`."""
+    count, n = q.shape
+    w, o, c, links = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3, 3))
+    end, J, G, y = np.empty((4, 3)), np.empty((6, n)), np.zeros((6, 6)), np.empty(6)
+    scratch = np.empty((10, 3))
+    for k in range(count):
+        place(q[k], axes, points, points, links, tip, tip_turn, False, w, o, c, links, end, scratch)
+        if not jacobian(w, o, end, J) or not factorise(J, G):
+            return False
+        for r in range(6):
+            y[r] = v[k, r] if r < 3 else 0.0
+        back(G, y)
+        for i in range(n):
+            qd[k, i] = 0.0
+            for r in range(6):
+                qd[k, i] += J[r, i] * y[r]
     return True

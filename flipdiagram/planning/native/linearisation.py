@@ -18,7 +18,7 @@ from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.limits import NEAR, STEP, Allowed, JointMotion
 from flipdiagram.planning.native import chain as kinematics
 from flipdiagram.planning.native import rows as row_kernels
-from flipdiagram.planning.native.along import Along
+from flipdiagram.planning.native.along import Along, speeds
 from flipdiagram.planning.rows import Buffer, FilledRows
 from flipdiagram.scenario import Scenario
 from flipdiagram.serial_chain import SerialChain
@@ -49,6 +49,7 @@ class Linearisation:
         along, n = Along(self.chain, np.array([home, home]), np.zeros((2, 3))), self.arm.n_joints
         by_input = along.inertia_of_task()
         along.torques(np.zeros((2, 3)))
+        speeds(self.chain, np.array([home, home]), np.zeros((2, 3)))
         motion = JointMotion(np.array([home, home]), along.qd, np.zeros((2, 1, n)), along.from_task[:, :, :3], by_input)
         still = Trajectory(
             np.zeros((layout.intervals + 1, 6)), np.zeros((layout.intervals, 3)), layout.release, 1,
@@ -141,8 +142,8 @@ class Linearisation:
         if near.size:
             n, P = motion.q.shape[1], along.from_task[near, :, :3].transpose(0, 2, 1)
             q = motion.q[near, None] + STEP * P
-            moved = Along(self.chain, q.reshape(-1, n), np.repeat(states[near, 3:], 3, axis=0), False)
-            found[near] = ((moved.qd.reshape(-1, 3, n) - motion.qd[near, None]) / STEP).transpose(0, 2, 1)
+            moved = speeds(self.chain, q.reshape(-1, n), np.repeat(states[near, 3:], 3, axis=0))
+            found[near] = ((moved.reshape(-1, 3, n) - motion.qd[near, None]) / STEP).transpose(0, 2, 1)
         return found
 
     def _torque_by_state(
