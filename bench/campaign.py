@@ -12,10 +12,12 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from bench.processes import fresh
+from bench import cluster
+from bench.processes import fresh, processor_time
 from bench.results import Section, Target
 
 SPEEDUP = Target(">=", 1.8)
@@ -35,7 +37,6 @@ architectures: [pd+ff+dob]
 limit_hours: 10
 """
 """Default hold of 2 s; one plan serves all, as what varies is unknown to the planner."""
-MILLION, CLUSTER = 1_000_000, 1000
 TEXT = (
     "A campaign of the default flip under pd+ff+dob, four parameters drawn by Sobol, into SQLite, from its first flip"
     " to its last: without the start of Python, of the workers, and the one plan. Overhead: what the driver computes"
@@ -74,11 +75,12 @@ def sections(repetitions: int, quick: bool) -> Iterator[Section]:
     section.add("two / one if nothing else ran: by processor time", [2 * cost[1] / cost[2]], "x")
     section.add("processor time of a flip, one process", [cost[1]])
     section.add("processor time of a flip, two processes", [cost[2]])
-    section.checks.append(on_paper(whole.median, statistics.median(run["driver"] for run in runs[1])))
     same = len({run["digest"] for found in runs.values() for run in found}) == 1
     section.checks.append(f"all rows of one and of two processes {'are the same' if same else 'are NOT the same'}")
     yield section
     yield memory(24 if quick else 500, quick)
+    if find_spec("distributed"):
+        yield cluster.measure(100 if quick else cluster.TRIALS, whole.median)
 
 
 def memory(trials: int, quick: bool) -> Section:
@@ -95,16 +97,6 @@ def memory(trials: int, quick: bool) -> Section:
     section.add("a flip leaves behind", [run["leak"]], "B")
     section.checks.append(f"{trials} flips, {run['children']} workers in all, {run['pace'] * 60:.0f} flips a minute")
     return section
-
-
-def on_paper(flip: float, driver: float) -> str:
-    """What a million trials on a thousand cores would take, from the measured times [s]."""
-    compute, serial = MILLION * flip / CLUSTER / 60, MILLION * driver / 60
-    return (
-        f"on paper: {MILLION} flips on {CLUSTER} cores: {compute:.0f} min, {CLUSTER / flip:.0f} flips a second;"
-        f" the driver needs {serial:.0f} min of one core for them and can feed {1 / driver:.0f} a second; at the 1 ms a"
-        f" task that Dask states for its scheduler, {MILLION * 1e-3 / 60:.0f} min of another"
-    )
 
 
 def campaign(jobs: int, trials: int, short: bool) -> dict[str, Any]:
@@ -130,7 +122,7 @@ def campaign(jobs: int, trials: int, short: bool) -> dict[str, Any]:
         for pid in children.children():
             begun.add(pid)
             seen.append((pid, _resident(pid)))
-            spent[pid] = _processor(pid)
+            spent[pid] = processor_time(pid)
         driver.append(_resident(os.getpid()))
         if len(clock) == 2:  # the first flip has ended
             before.update(spent)
@@ -214,16 +206,6 @@ def _resident(pid: int) -> int:
             return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except OSError:
         return 0
-
-
-def _processor(pid: int) -> float:
-    """Processor time of a process so far [s], 0 where it has ended."""
-    try:
-        with open(f"/proc/{pid}/stat", encoding="ascii") as file:
-            fields = file.read().rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-    except OSError:
-        return 0.0
 
 
 if __name__ == "__main__":

@@ -29,6 +29,16 @@ def fresh(module: str, *arguments: str) -> tuple[float, Any]:
     return elapsed, json.loads(done.stdout.splitlines()[-1])
 
 
+def processor_time(pid: int) -> float:
+    """Processor time of a process so far [s], 0 where it has ended."""
+    try:
+        with open(f"/proc/{pid}/stat", encoding="ascii") as file:
+            fields = file.read().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    except OSError:
+        return 0.0
+
+
 @dataclass(frozen=True)
 class Watched:
     """A finished command."""

@@ -150,7 +150,8 @@ def main(argv: Sequence[str] | None = None) -> None:
 
     from flipdiagram.files import write_atomically
 
-    report = {"schema": "flipdiagram/bench/1", "quick": arguments.quick, "machine": facts}
+    complete = set(arguments.only) == set(PIECES)
+    report = {"schema": "flipdiagram/bench/1", "quick": arguments.quick, "complete": complete, "machine": facts}
     report["sections"] = [section.as_dict() for section in sections]
     write_atomically(arguments.out / "bench.json", json.dumps(report, indent=1))
     write_atomically(arguments.out / "bench.md", tables.to_markdown(sections, facts))

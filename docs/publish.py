@@ -1,8 +1,9 @@
-"""Copy a finished report into docs/report, and its summary table into the README between the markers.
+"""Copy finished results into docs/, and their table into the README between the markers.
 
-    python docs/publish.py out/report
+    python docs/publish.py out/report       what `flipdiagram report` wrote
+    python docs/publish.py out/bench        what `make bench` wrote
 
-The numbers in README.md and docs/report come from that run: none is typed by hand.
+The numbers in README.md and docs come from those runs: none is typed by hand.
 """
 
 from __future__ import annotations
@@ -13,38 +14,58 @@ import re
 import shutil
 import sys
 from pathlib import Path
+from typing import Any
 
 from flipdiagram.report.claims import readme_block
 
 ROOT = Path(__file__).resolve().parent.parent
-BEGIN, END = "<!-- report: begin -->\n", "<!-- report: end -->\n"
 
 
 def main() -> int:
-    """Publish the report named on the command line; refuses a quick one."""
+    """Publish the folder named on the command line; refuses a quick run, and a benchmark of some pieces only."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("report", type=Path, help="folder of `flipdiagram report`")
-    folder = parser.parse_args().report
-    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    if summary["quick"]:
-        print(f"{folder} is a quick report; valid is a whole one", file=sys.stderr)
+    parser.add_argument("folder", type=Path, help="folder of `flipdiagram report` or of `make bench`")
+    folder = parser.parse_args().folder
+    of_bench = (folder / "bench.json").exists()
+    found = json.loads((folder / ("bench.json" if of_bench else "summary.json")).read_text(encoding="utf-8"))
+    if found["quick"] or (of_bench and not found["complete"]):
+        print(f"{folder} is not of a whole run; valid is one", file=sys.stderr)
         return 2
+    block = bench(folder) if of_bench else report(folder, found)
+    readme = ROOT / "README.md"
+    text = with_block(readme.read_text(encoding="utf-8"), "bench" if of_bench else "report", block)
+    readme.write_text(text, encoding="utf-8")
+    print("published to docs and README.md")
+    return 0
+
+
+def report(folder: Path, summary: dict[str, Any]) -> str:
+    """Copy a report with its pictures; returns what the README shows of it."""
     target = ROOT / "docs" / "report"
     shutil.rmtree(target, ignore_errors=True)
     for name in ("report.md", "summary.json"):
         _copy(folder / name, target / name)
     for picture in re.findall(r"\]\(([^)]+\.png)\)", (folder / "report.md").read_text(encoding="utf-8")):
         _copy(folder / picture, target / picture)
-    readme = ROOT / "README.md"
-    readme.write_text(with_block(readme.read_text(encoding="utf-8"), readme_block(summary)), encoding="utf-8")
-    print(f"published to {target.relative_to(ROOT)} and README.md")
-    return 0
+    return readme_block(summary)
 
 
-def with_block(text: str, block: str) -> str:
-    """The README's text with a new block between the markers."""
-    before, rest = text.split(BEGIN)
-    return before + BEGIN + block + END + rest.split(END)[1]
+def bench(folder: Path) -> str:
+    """Copy a benchmark; returns what the README shows of it."""
+    _copy(folder / "bench.md", ROOT / "docs" / "bench.md")
+    return targets((folder / "bench.md").read_text(encoding="utf-8"))
+
+
+def targets(text: str) -> str:
+    """The first table of bench.md."""
+    return "\n" + re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE)[0] + "\n"
+
+
+def with_block(text: str, name: str, block: str) -> str:
+    """The README's text with a new block between the markers of that name."""
+    begin, end = f"<!-- {name}: begin -->\n", f"<!-- {name}: end -->\n"
+    before, rest = text.split(begin)
+    return before + begin + block + end + rest.split(end)[1]
 
 
 def _copy(source: Path, target: Path) -> None:

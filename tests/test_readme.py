@@ -38,3 +38,10 @@ def test_the_published_report_tells_the_same_as_its_summary():
         assert f"| {entry['id']} |" in page
     for name in re.findall(r"!\[[^]]*\]\(([^)]+)\)", page):
         assert (folder / name).is_file(), name
+
+
+def test_the_table_of_speed_is_that_of_the_published_benchmark():
+    page = (Path(__file__).parents[1] / "docs" / "bench.md").read_text(encoding="utf-8")
+    block = TEXT.split("<!-- bench: begin -->\n")[1].split("<!-- bench: end -->\n")[0]
+    table = page.split("## Targets\n\n")[1].split("\n\n")[0]
+    assert block.strip() == table and table.count("\n") > 30
