@@ -140,3 +140,26 @@ def test_a_trajectory_is_not_changed(scenario, arm):
         np.testing.assert_array_equal(array, copy)
     np.testing.assert_array_equal(point.states, before.states)
     np.testing.assert_array_equal(point.inputs, before.inputs)
+
+
+def test_a_plan_from_elsewhere_may_fly_longer_than_the_scenario_allows(scenario, arm):
+    """The arrays that the loops fill hold its rows too."""
+    narrow = scenario.with_overrides({"planner.solver": "daqp", "planner.flight_samples": (4, 6)})
+    horizons = Convexification(narrow, arm)
+    point = horizons.guess(24, 300)
+    (compiled, _), (rows, _) = horizons.rows(point, grouped=False), horizons.rows(point)
+    (A, b), (A_numpy, b_numpy) = (found.matrix(horizons.layout.size) for found in (compiled, rows))
+    assert A.shape == A_numpy.shape and np.abs(A - A_numpy).max() < 1e-6 and np.abs(b - b_numpy).max() < 1e-6
+
+
+def test_no_trajectory_needs_more_room_than_there_is(scenario, arm):
+    """Every joint near every limit at every sample: the most rows that there can be."""
+    horizons = Convexification(scenario.with_overrides({"planner.solver": "daqp"}), arm)
+    point = horizons.guess(30, 20)
+    native = horizons._native
+    tight = limits.Allowed(np.full(6, 9.0), np.full(6, 1e-3), np.full(6, 1e-9), np.full(6, 1e-9))
+    found, motion = native.rows(point, point.states, horizons.q_start, tight, 0.0, False)
+    rows, columns, values, upper = native._buffer.arrays[:4]
+    assert found.count <= upper.size and found.entries()[0].size <= values.size
+    near = int(np.sum(np.abs(motion.qd) > limits.NEAR * 1e-9)) + 2 * motion.q.size
+    assert found.count > near + 2 * motion.torque[0].size

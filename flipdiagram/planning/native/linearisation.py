@@ -39,7 +39,8 @@ class Linearisation:
         self._blade = np.array([(sign * geometry.half_blade, n) for sign, n in product((1.0, -1.0), lower)])
         self._block = np.array([(sign * geometry.half_length, h) for sign in (1.0, -1.0)])
         self._corners = np.array([(s * geometry.half_length, n * h) for s, n in product((1.0, -1.0), repeat=2)])
-        self._buffer = Buffer(*_most(layout, scenario.planner.flight_samples[1], arm.n_joints))
+        self._most_flight = scenario.planner.flight_samples[1]
+        self._buffer = Buffer(*_most(layout, self._most_flight, arm.n_joints))
         self._compile()
 
     def _compile(self) -> None:
@@ -89,6 +90,9 @@ class Linearisation:
         self, point: Trajectory, tool: Floats, q_start: Floats, allowed: Allowed, shift: float, given_start: bool
     ) -> tuple[FilledRows, JointMotion]:
         """All inequality rows about a trajectory and the arm's motion along it, as Convexification.rows."""
+        if point.n_flight > self._most_flight:  # a plan made elsewhere may fly longer than this scenario's own
+            self._most_flight = point.n_flight
+            self._buffer = Buffer(*_most(self.layout, point.n_flight, self.arm.n_joints))
         out = self._buffer
         out.start()
         self._contact_rows(point, out, shift)
