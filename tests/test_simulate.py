@@ -156,3 +156,15 @@ def test_a_motion_that_takes_longer_when_planned_again_is_simulated_to_its_end()
     assert data.attrs["end_time_s"] > run.plan.duration + 0.01
     needed = max(data.attrs["end_time_s"], data.attrs["touchdown_time_s"]) + 0.05
     assert data["time"].values[-1] == pytest.approx(needed, abs=2e-3)
+
+
+def test_an_arm_that_does_not_follow_cannot_put_off_the_release_for_ever():
+    """PD sags onto a table that is higher than planned; contact ends after planner.contact_samples at the latest."""
+    fields = {
+        "planner.replan_period": 0.04, "planner.replan_search": 5, "planner.solver": "daqp", "disturbance.table_error": 0.03,
+        "simulation.hold_time": 0.3, "simulation.settle_time": 0.05,
+    }  # fmt: skip
+    scenario = Scenario().with_overrides(fields)
+    data = simulate(scenario, "pd").recording
+    longest = scenario.planner.contact_samples[1] * scenario.planner.sampling_time
+    assert data.attrs["release_time_s"] <= longest + scenario.planner.sampling_time

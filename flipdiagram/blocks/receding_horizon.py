@@ -55,8 +55,8 @@ class Horizon:
         return self.command
 
 
-Replan = Callable[[Floats, Plan, float, Floats, float], Plan]
-"""(state x̂ (6,), plan, elapsed [s], q (n,), shift [m]) -> the rest of the plan; `planning.Replanner.replan`."""
+Replan = Callable[[Floats, Plan, float, Floats, float, float], Plan]
+"""(state x̂ (6,), plan, elapsed [s], q (n,), shift [m], begun [s]) -> the rest of it; `planning.Replanner.replan`."""
 
 
 @dataclass(frozen=True)
@@ -187,7 +187,7 @@ class RecedingHorizonController(LeafSystem):
             v += self._v.Eval(context)[:3] - v_now
         try:
             q, elapsed = self._q.Eval(context), begins - command.begins
-            plan = self._again(of_object(x, v, shift), command.plan, elapsed, q, shift)
+            plan = self._again(of_object(x, v, shift), command.plan, elapsed, q, shift, command.begins)
         except PlanningError:
             return replace(kept, status=Status.FAILED)
         found = replace(

@@ -34,12 +34,14 @@ class Replanner:
         """Contact samples of `plan` that are left at `elapsed` [s] of it."""
         return round((plan.release_time - elapsed) / plan.sampling_time)
 
-    def replan(self, state: Floats, plan: Plan, elapsed: float, q: Floats, shift: float = 0.0) -> Plan:
+    def replan(
+        self, state: Floats, plan: Plan, elapsed: float, q: Floats, shift: float = 0.0, begun: float = 0.0
+    ) -> Plan:
         """The rest of `plan` from `elapsed` [s] of it on, begun at the state x̂ (6,) of the object instead.
 
         q (n,) [rad]: joint angles near that state; shift: how far the object sits from the middle of the blade along s
-        [m].  Raises PlanningError where the program has no solution, the linearisation is too far off, or too few
-        samples are left.
+        [m]; begun: when in the motion `plan` itself began [s].  Raises PlanningError where the program has no solution,
+        the linearisation is too far off, or too few samples are left.
         """
         begin = time.perf_counter()
         n_contact = self.samples_left(plan, elapsed)
@@ -50,7 +52,8 @@ class Replanner:
         horizons.restart(np.asarray(state, dtype=float), q, shift)
         found: list[Outcome] = []
         reason: PlanningError | None = None
-        for samples, flight in self._candidates(n_contact, plan.n_flight):
+        passed = round((begun + elapsed) / plan.sampling_time)
+        for samples, flight in self._candidates(n_contact, plan.n_flight, passed):
             try:
                 outcome = self._settled(state, plan, elapsed, samples, flight)
             except PlanningError as error:
@@ -63,8 +66,12 @@ class Replanner:
         uses = limits.limit_use(best.motion, self.arm)
         return plan_of(best, horizons, {kind: float(use.max()) for kind, use in uses.items()}, begin)
 
-    def _candidates(self, n_contact: int, n_flight: int) -> list[tuple[int, int]]:
-        """Contact and flight samples to try: those of the old plan first, then as far from them as is allowed."""
+    def _candidates(self, n_contact: int, n_flight: int, passed: int) -> list[tuple[int, int]]:
+        """Contact and flight samples to try: those of the old plan first, then as far from them as is allowed.
+
+        With the samples that have passed, contact never lasts longer than planner.contact_samples allows: else an arm
+        that does not follow would put off the release for ever.
+        """
         settings = self.scenario.planner
         steps = range(-settings.replan_search, settings.replan_search + 1)
         near = sorted(product(steps, steps), key=lambda step: abs(step[0]) + abs(step[1]))
@@ -73,7 +80,7 @@ class Replanner:
             (n_contact + i, n_flight + j)
             for i, j in near
             if (i, j) == (0, 0)
-            or (FEWEST <= n_contact + i <= self.horizons.layout.release and low <= n_flight + j <= high)
+            or (FEWEST <= n_contact + i <= settings.contact_samples[1] - passed and low <= n_flight + j <= high)
         ]
 
     def _settled(self, state: Floats, plan: Plan, elapsed: float, n_contact: int, n_flight: int) -> Outcome:

@@ -42,7 +42,7 @@ class Again:
     def __init__(self, solve_time=0.001, fail_at=()):
         self.asked, self.solve_time, self.fail_at = [], solve_time, fail_at
 
-    def __call__(self, state, plan, elapsed, q, shift):
+    def __call__(self, state, plan, elapsed, q, shift, begun):
         self.asked.append((np.array(state), elapsed, np.array(q), shift))
         if len(self.asked) in self.fail_at:
             raise PlanningError("no solution")

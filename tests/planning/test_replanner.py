@@ -131,8 +131,10 @@ def test_another_horizon_begins_from_the_old_motion_at_another_pace(searching, p
 
 def test_a_searched_replan_stays_within_the_horizons_that_are_allowed(scenario, arm, plan):
     narrow = scenario.with_overrides({"planner.replan_search": 5, "planner.flight_samples": (5, 6)})
-    found = Replanner(narrow, arm)._candidates(24, 5)
+    found = Replanner(narrow, arm)._candidates(24, 5, 1)
     assert found[0] == (24, 5)
     assert {flight for _, flight in found} == {5, 6}
+    late = Replanner(narrow, arm)._candidates(4, 5, 25)  # 30 at most: 25 have passed, 5 may come
+    assert {contact for contact, _ in late} == {3, 4, 5}
     assert max(contact for contact, _ in found) <= 29 and min(contact for contact, _ in found) == 19
-    assert Replanner(scenario, arm)._candidates(24, 5) == [(24, 5)]
+    assert Replanner(scenario, arm)._candidates(24, 5, 0) == [(24, 5)]
