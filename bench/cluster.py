@@ -42,7 +42,8 @@ NOTHING = "diverged: nothing was flown"
 TEXT = (
     "`dask scheduler` and one `dask worker` in processes of their own on loopback, and a campaign of trials whose flip"
     " returns at once, into SQLite as always. What is left is what a trial costs besides its flip: processor time of"
-    " the scheduler, of the driver (drawing, checking, sending, writing), of worker and its child, and wall time."
+    " the scheduler, of the driver (drawing, checking, sending, writing), of the worker without its child, and wall"
+    " time."
 )
 
 

@@ -61,7 +61,8 @@ class Replanner:
                 continue
             found.append(outcome)
         if not found:
-            raise reason or PlanningError("no motion found")
+            assert reason is not None, "the old plan's own samples are always among the candidates"
+            raise reason
         best = self._best(found)
         uses = limits.limit_use(best.motion, self.arm)
         return plan_of(best, horizons, {kind: float(use.max()) for kind, use in uses.items()}, begin)

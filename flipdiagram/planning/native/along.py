@@ -5,13 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from flipdiagram.contact import Floats
+from flipdiagram.errors import PlanningError
 from flipdiagram.planning.native import chain as kinematics
 from flipdiagram.planning.native import dynamics
 from flipdiagram.serial_chain import SerialChain
 
 
 class Along:
-    """What chain.along fills for joint angles q (K, n) and tool velocities v (K, 3)."""
+    """What chain.along fills for joint angles q (K, n) and tool velocities v (K, 3).
+
+    regular: no pose is singular; else the numbers mean nothing.
+    """
 
     def __init__(self, chain: SerialChain, q: Floats, v: Floats) -> None:
         count, n = q.shape
@@ -23,6 +27,11 @@ class Along:
             q, v, chain.axes, chain.points, chain.centres, chain.inertias, chain.tip, chain.tip_turn,
             self.w, self.o, self.c, self.links, self.from_task, self.qd, self.bias,
         )  # fmt: skip
+
+    def checked(self) -> Along:
+        """Itself; raises PlanningError where a pose is singular."""
+        _check(self.regular)
+        return self
 
     def torques(self, a: Floats) -> Floats:
         """τ (K, n) for tool accelerations a (K, 3)."""
@@ -43,7 +52,12 @@ class Along:
 
 
 def speeds(chain: SerialChain, q: Floats, v: Floats) -> Floats:
-    """q̇ (K, n) alone, for joint angles q (K, n) that are not singular and tool velocities v (K, 3)."""
+    """q̇ (K, n) alone, for joint angles q (K, n), tool velocities v (K, 3); raises PlanningError where q is singular."""
     qd = np.empty_like(q)
-    kinematics.speeds(q, v, chain.axes, chain.points, chain.tip, chain.tip_turn, qd)
+    _check(kinematics.speeds(q, v, chain.axes, chain.points, chain.tip, chain.tip_turn, qd))
     return qd
+
+
+def _check(regular: bool) -> None:
+    if not regular:
+        raise PlanningError("the arm cannot follow the path: it passes a singular pose")

@@ -5,6 +5,7 @@ The same numbers as constraints.py and limits.py give, to rounding; tests compar
 
 from __future__ import annotations
 
+from contextlib import suppress
 from itertools import product
 
 import numpy as np
@@ -50,7 +51,8 @@ class Linearisation:
         along, n = Along(self.chain, np.array([home, home]), np.zeros((2, 3))), self.arm.n_joints
         by_input = along.inertia_of_task()
         along.torques(np.zeros((2, 3)))
-        speeds(self.chain, np.array([home, home]), np.zeros((2, 3)))
+        with suppress(PlanningError):  # where the middle of the joint limits serves as home it may be singular
+            speeds(self.chain, np.array([home, home]), np.zeros((2, 3)))
         motion = JointMotion(np.array([home, home]), along.qd, np.zeros((2, 1, n)), along.from_task[:, :, :3], by_input)
         still = Trajectory(
             np.zeros((layout.intervals + 1, 6)), np.zeros((layout.intervals, 3)), layout.release, 1,
@@ -76,9 +78,7 @@ class Linearisation:
         q[0] = q_start
         if kinematics.follow(poses, REACHED, chain.axes, chain.points, chain.tip, chain.tip_turn, q) < len(q):
             q = self.arm.inverse_kinematics_path(poses, q_start, check_limits=False)
-        along = Along(chain, q, np.ascontiguousarray(tool[:, 3:]))
-        if not along.regular:
-            raise PlanningError("the arm cannot follow the path: it passes a singular pose")
+        along = Along(chain, q, np.ascontiguousarray(tool[:, 3:])).checked()
         by_input, rest = along.inertia_of_task(), along.torques(np.zeros((len(q), 3)))
         torque = np.empty((2, len(inputs), q.shape[1]))
         for end in (0, 1):
@@ -164,7 +164,7 @@ class Linearisation:
             q, v = np.repeat(motion.q[at], 6, axis=0), np.repeat(states[at, 3:], 6, axis=0)
             q.reshape(-1, 6, n)[:, :3] += STEP * along.from_task[at, :, :3].transpose(0, 2, 1)
             v.reshape(-1, 6, 3)[:, [3, 4, 5], [0, 1, 2]] += STEP
-            tau = Along(self.chain, q, v).torques(np.repeat(inputs[near], 6, axis=0)).reshape(-1, 6, n)
+            tau = Along(self.chain, q, v).checked().torques(np.repeat(inputs[near], 6, axis=0)).reshape(-1, 6, n)
             found[end, near] = ((tau - motion.torque[end, near, None]) / STEP).transpose(0, 2, 1)
         return found
 
