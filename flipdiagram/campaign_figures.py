@@ -182,6 +182,7 @@ def plot_tuning(tuning: Summary) -> Figure:
         best = tuning["best"]
         left.plot(best, scores[best], "*", color="#D55E00", markersize=12, label="chosen")
         left.set(xlabel="set of gains", ylabel="turned over in the search [%]")
+        left.xaxis.get_major_locator().set_params(integer=True)
         left.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
         for k, part in enumerate(("search", "held_out")):
             for j, (side, colour) in enumerate((("default", "#0072B2"), ("tuned", "#D55E00"))):
