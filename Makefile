@@ -23,7 +23,7 @@ DOCUMENTABLE := $(VENV)/.installed-docs
 .DELETE_ON_ERROR:
 
 flip: $(INSTALLED)
-	$(RUN) -m flipdiagram.cli flip --out $(OUT)/turnover
+	$(RUN) -m flipdiagram.cli.main flip --out $(OUT)/turnover
 
 test: lint programs
 	$(RUN) -m pytest -n 2 --dist loadfile
@@ -31,6 +31,7 @@ test: lint programs
 lint: $(TESTABLE)
 	$(RUN) -m ruff check .
 	$(RUN) -m mypy
+	$(VENV)/bin/lint-imports
 
 bench: $(BENCHABLE)
 	$(RUN) bench/run.py --out $(OUT)/bench
@@ -40,7 +41,7 @@ docs: $(DOCUMENTABLE)
 	$(RUN) docs/build.py --out $(OUT)/docs
 
 report: $(TESTABLE)
-	$(RUN) -m flipdiagram.cli report --out $(OUT)/report
+	$(RUN) -m flipdiagram.cli.main report --out $(OUT)/report
 	$(RUN) docs/publish.py $(OUT)/report
 
 clean:

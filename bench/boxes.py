@@ -16,10 +16,10 @@ from bench.loop import ARCHITECTURE, simulated_time
 from bench.playback import PROCESSOR, Stepped, closed_loop, torques_alone
 from bench.results import Section
 from bench.timing import SelfTimes, in_turn
-from flipdiagram.loop import build_loop
+from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.planning import Plan
-from flipdiagram.scenario import Scenario
-from flipdiagram.simulate import simulate
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.simulation.simulate import simulate
 
 CELL = ("joint_friction", "contact_forces")
 """Boxes in Python that belong to the cell, not to the controller."""

@@ -102,10 +102,10 @@ def memory(trials: int, quick: bool) -> Section:
 def campaign(jobs: int, trials: int, short: bool) -> dict[str, Any]:
     """Fly one campaign here and read its times from its rows."""
     begin = time.perf_counter()
-    from flipdiagram.campaign import children
     from flipdiagram.campaign.checks import from_text
     from flipdiagram.campaign.conduct import run
     from flipdiagram.campaign.opening import opened
+    from flipdiagram.flips import children
 
     text = SPECIFICATION.format(trials=trials)
     if short:
@@ -160,11 +160,11 @@ def campaign(jobs: int, trials: int, short: bool) -> dict[str, Any]:
 
 def _parts() -> dict[str, float]:
     """Where the time of a flip goes [s]."""
-    from flipdiagram import metrics
-    from flipdiagram.loop import build_loop
+    from flipdiagram.diagrams.loop import build_loop
     from flipdiagram.planning import plan_motion
-    from flipdiagram.scenario import Scenario
-    from flipdiagram.simulate import simulate
+    from flipdiagram.scenario.scenario import Scenario
+    from flipdiagram.simulation import metrics
+    from flipdiagram.simulation.simulate import simulate
 
     scenario = Scenario()
     motion = plan_motion(scenario)

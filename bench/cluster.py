@@ -20,9 +20,9 @@ from typing import Any
 
 from bench.processes import fresh, processor_time
 from bench.results import Section
-from flipdiagram.campaign.work import Flight, Landed, Planned, Work, provenance
-from flipdiagram.scenario import Scenario
-from flipdiagram.studies.flips import Outcome
+from flipdiagram.flips.flips import Outcome
+from flipdiagram.flips.work import Flight, Landed, Planned, Work, provenance
+from flipdiagram.scenario.scenario import Scenario
 
 TRIALS = 1000
 MILLION, CORES = 1_000_000, 1000

@@ -242,7 +242,7 @@ def study(repetitions: int, quick: bool) -> Section:
         with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, FLIPDIAGRAM_CACHE_DIR=folder):
             for name in runs:
                 with tempfile.TemporaryDirectory() as out:
-                    runs[name].append(watch([sys.executable, "-m", "flipdiagram.cli", *words, "--out", out]))
+                    runs[name].append(watch([sys.executable, "-m", "flipdiagram.cli.main", *words, "--out", out]))
     for name, found in runs.items():
         section.add(f"wall time, {name}", [run.elapsed for run in found], target=None if quick else WALL)
     for name, found in runs.items():
@@ -263,7 +263,7 @@ def sections(repetitions: int, quick: bool) -> Iterator[Section]:
 def compile_once(vectorize: bool) -> dict[str, Any]:
     """Seconds that compile_diagram takes in this process."""
     from flipdiagram.compiled import compile_diagram
-    from flipdiagram.one_dof_loop import build_controller, build_experiment
+    from flipdiagram.diagrams.one_dof import build_controller, build_experiment
 
     settings = Numbers().settings
     diagram = build_experiment(build_controller("pd+ff+dob", settings), settings, friction=True)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from bench.results import Section, Target
 from bench.timing import timed
-from flipdiagram import metrics
 from flipdiagram.planning import Plan
-from flipdiagram.scenario import Scenario
-from flipdiagram.simulate import Run, simulate
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.simulation import metrics
+from flipdiagram.simulation.simulate import Run, simulate
 
 LIMIT = Target(">=", 2.0)
 ARCHITECTURE = "pd+ff+dob"

@@ -14,10 +14,10 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from flipdiagram.blocks.commands import SinusoidalCommand
 from flipdiagram.blocks.meters import LockIn, Peak, RootMeanSquare
 from flipdiagram.compiled import CompiledDiagram, compile_diagram
-from flipdiagram.contact import GRAVITY_Z
-from flipdiagram.one_dof_loop import COMMANDS, build_controller
+from flipdiagram.diagrams.one_dof import COMMANDS, build_controller
 from flipdiagram.plants.one_dof import OneDofPlant
-from flipdiagram.scenario_one_dof import OneDof
+from flipdiagram.scenario.one_dof import OneDof
+from flipdiagram.theory.contact import GRAVITY_Z
 
 Array = NDArray[np.float64]
 Stepper = Callable[[], Array]

@@ -11,16 +11,16 @@ import numpy as np
 from bench.contenders import casadi_plan
 from bench.replan import DEVIATION, Array, decision, joint_rows, moving, program_of
 from bench.results import Section, Target
-from flipdiagram.arm import ArmModel
 from flipdiagram.errors import PlanningError
-from flipdiagram.parts import arm_of
 from flipdiagram.planning import Planner, limits
 from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.convexification import Convexification
 from flipdiagram.planning.horizon import STRIDE, Layout
 from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.replanner import Replanner
-from flipdiagram.scenario import Scenario
+from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.parts import arm_of
+from flipdiagram.scenario.scenario import Scenario
 
 STARTS = 50
 WITHIN = 1e-3

@@ -73,7 +73,7 @@ def plan_once(solver: str) -> dict[str, Any]:
     begin = time.perf_counter()
     from flipdiagram.planning import Planner, convexification, limits
     from flipdiagram.planning.program import HorizonProgram
-    from flipdiagram.scenario import Scenario
+    from flipdiagram.scenario.scenario import Scenario
 
     imported = time.perf_counter()
     planner = Planner(Scenario().with_overrides({"planner.solver": solver}))

@@ -16,10 +16,10 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from bench.timing import timed
-from flipdiagram.loop import Loop
+from flipdiagram.diagrams.loop import Loop
 from flipdiagram.planning import Plan
 from flipdiagram.plants.cell import add_cell
-from flipdiagram.simulate import Run
+from flipdiagram.simulation.simulate import Run
 
 PROCESSOR = time.thread_time
 """Stepping uses one thread: its processor time is the wall time, less what other work on the machine took away."""

@@ -20,7 +20,6 @@ from bench.resolve import AGREE
 from bench.results import Section, Target
 from bench.timing import SelfTimes, in_turn, timed
 from flipdiagram.errors import PlanningError
-from flipdiagram.parts import arm_of
 from flipdiagram.planning import Planner, limits
 from flipdiagram.planning.active_set import TOLERANCE, load_daqp
 from flipdiagram.planning.condensed import CondensedProgram
@@ -33,7 +32,8 @@ from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.program import HorizonProgram, Solution
 from flipdiagram.planning.replanner import Replanner
 from flipdiagram.planning.rows import Rows
-from flipdiagram.scenario import Scenario
+from flipdiagram.robot.parts import arm_of
+from flipdiagram.scenario.scenario import Scenario
 
 PASSED, FLIGHT, BRAKE = 11, 5, 12
 """Samples of the motion that have passed when it is planned again; samples of its flight and braking."""

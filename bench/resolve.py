@@ -14,7 +14,7 @@ from bench.results import Section, Target
 from bench.timing import in_turn, ratios, timed
 from flipdiagram.planning import Planner
 from flipdiagram.planning.program import HorizonProgram
-from flipdiagram.scenario import Scenario
+from flipdiagram.scenario.scenario import Scenario
 
 TIME_LIMIT, RATIO_LIMIT = Target("<", 0.010), Target("<", 1.5)
 INTERVALS = {"planner.contact_samples": (38, 38), "planner.flight_samples": (5, 5), "planner.brake_samples": 12}

@@ -74,7 +74,7 @@ def _replan(repetitions: int, quick: bool) -> Iterator[Section]:
 def _simulation(repetitions: int, quick: bool) -> Iterator[Section]:
     from bench import boxes, loop
     from flipdiagram.planning import plan_motion
-    from flipdiagram.scenario import Scenario
+    from flipdiagram.scenario.scenario import Scenario
 
     scenario = Scenario()
     motion = plan_motion(scenario)

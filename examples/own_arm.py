@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from flipdiagram.errors import FlipdiagramError
-from flipdiagram.metrics import measure
-from flipdiagram.scenario import Scenario
-from flipdiagram.simulate import simulate
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.simulation.metrics import measure
+from flipdiagram.simulation.simulate import simulate
 
 
 def robot_file(name: str) -> str:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flipdiagram.scenario import Scenario
+from flipdiagram.scenario.scenario import Scenario
 
 G = 9.81
 

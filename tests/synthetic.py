@@ -6,8 +6,8 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicSpline
 
-from flipdiagram.arm import ArmModel
-from flipdiagram.scenario import ARCHITECTURES, Scenario
+from flipdiagram.robot.arm import ArmModel
+from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 
 RELEASE, MOTION, TOUCHDOWN, END = 0.5, 0.75, 0.72, 1.2
 DROP = {"pd": 0.15, "pd+ff": 0.20}  # [s] when these two lose the block

@@ -7,7 +7,7 @@ import pytest
 
 from flipdiagram import __version__, files
 from flipdiagram.errors import ScenarioError
-from flipdiagram.scenario import Scenario, from_mapping
+from flipdiagram.scenario.scenario import Scenario, from_mapping
 
 
 def test_a_file_is_written_whole_and_replaces_the_old_one(tmp_path):

@@ -72,14 +72,14 @@ def test_the_wheel_holds_the_package_and_nothing_else(built):
                 metadata[name.rpartition("/")[2]] = wheel.read(name).decode()
     package = {name for name in names if ".dist-info/" not in name}
     assert {name for name in package if name.endswith(".py")} == SOURCE
-    assert {"flipdiagram/py.typed", "flipdiagram/replay_overlay.html"} <= package
+    assert {"flipdiagram/py.typed", "flipdiagram/rendering/replay_overlay.html"} <= package
     models = {f"flipdiagram/urdf/{path.name}" for path in (ROOT / "urdf").iterdir() if path.is_file()}
     assert "flipdiagram/urdf/mh3f.urdf" in models and models <= package
     data = {path.relative_to(ROOT).as_posix() for path in (ROOT / "flipdiagram").rglob("*") if path.is_file()}
     assert package <= data | {name for name in package if name.startswith("flipdiagram/urdf/")}
     assert not {name for name in package if re.search(r"tests?/|notebooks?/|\.ipynb$|\.pyc$", name)}
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
-    assert "flipdiagram = flipdiagram.cli:main" in metadata["entry_points.txt"]
+    assert "flipdiagram = flipdiagram.cli.main:main" in metadata["entry_points.txt"]
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert f"Version: {project['version']}" in metadata["METADATA"] and "Requires-Dist: drake" in metadata["METADATA"]
 
@@ -94,7 +94,7 @@ def test_the_source_distribution_holds_what_builds_and_tests_need(built):
 
 
 def test_the_installed_package_is_the_wheel_not_the_checkout(environment, tmp_path):
-    text = "import flipdiagram as f, flipdiagram.assets as a; print(f.__file__, a.urdf_directory(), f.__version__, sep='\\n')"
+    text = "import flipdiagram as f, flipdiagram.robot.model_files as a; print(f.__file__, a.urdf_directory(), f.__version__, sep='\\n')"
     package, models, version = run(environment / "python", "-c", text, cwd=tmp_path).stdout.splitlines()
     inside = environment.parent.resolve()
     assert inside in Path(package).resolve().parents and inside in Path(models).resolve().parents
@@ -117,9 +117,9 @@ def test_a_flip_runs_in_another_folder(environment, tmp_path):
 
 
 CONSUMER = """
-from flipdiagram.contact import sliding_angle
+from flipdiagram.theory.contact import sliding_angle
 from flipdiagram.errors import ScenarioError
-from flipdiagram.scenario import Scenario
+from flipdiagram.scenario.scenario import Scenario
 
 scenario = Scenario().with_overrides({"controller.k_p": 400.0})
 reveal_type(scenario.controller.k_p)

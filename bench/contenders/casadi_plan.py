@@ -18,12 +18,12 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bench.timing import timed
-from flipdiagram.contact import GRAVITY_Z
 from flipdiagram.planning.constraints import Geometry, Trajectory
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.model import transition
 from flipdiagram.planning.program import TURNING_RADIUS
-from flipdiagram.scenario import Scenario
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.theory.contact import GRAVITY_Z
 
 NAME, PACKAGE = "CasADi + IPOPT", "casadi"
 OPTIONS = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-8, "max_iter": 500}}

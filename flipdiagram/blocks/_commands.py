@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DependencyTicket, LeafSystem, ValueProducer
 
-from flipdiagram.contact import Floats
 from flipdiagram.errors import ScenarioError
+from flipdiagram.theory.contact import Floats
 
 CHANNELS = 6
 """Task coordinates (y, z, θ, x, pitch, yaw): the MPC moves the first three, the others are held."""

@@ -10,8 +10,8 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
 
 from flipdiagram.blocks._commands import CHANNELS, Commands, declare_commands, standing
-from flipdiagram.contact import Floats
 from flipdiagram.planning.plan import Plan
+from flipdiagram.theory.contact import Floats
 
 __all__ = ["CHANNELS", "ModelPredictiveController"]
 

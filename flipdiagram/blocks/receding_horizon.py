@@ -13,10 +13,10 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
 
 from flipdiagram.blocks._commands import CHANNELS, Commands, declare_commands, standing
-from flipdiagram.contact import Floats
 from flipdiagram.errors import PlanningError, ScenarioError
 from flipdiagram.planning.command import Command, of_object
 from flipdiagram.planning.plan import Plan
+from flipdiagram.theory.contact import Floats
 
 SAME_PLACE = 1e-9
 """Distance [m, rad] below which the tool stands where the plan begins."""

@@ -12,7 +12,7 @@ from flipdiagram.campaign.dataset import parameters_of
 from flipdiagram.campaign.modes import MODES, NOT_PHYSICS
 from flipdiagram.campaign.sensitivity import TARGETS, chance, groups_of, sensitivities, sobol, strength
 from flipdiagram.campaign.statistics import holm, mcnemar, paired_difference, wilson
-from flipdiagram.metrics import SATURATED
+from flipdiagram.simulation.metrics import SATURATED
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 MEASURED = ("position_rmse_m", "angle_rmse_rad", "acceleration_rmse_m_s2", "torque_use", "max_slip_m")

@@ -11,10 +11,10 @@ from flipdiagram.campaign.distributions import DistributionError, distribution
 from flipdiagram.campaign.reading import Source, parse, read
 from flipdiagram.campaign.sampling import SAMPLERS
 from flipdiagram.campaign.specification import UNKNOWN_SECTIONS, Dimension, Specification, elements_of, value_of
+from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import FlipdiagramError, ScenarioError
-from flipdiagram.loop import build_loop
-from flipdiagram.scenario import ARCHITECTURES, Scenario, field_paths, from_mapping, load
-from flipdiagram.scenario_io import unknown_field
+from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, field_paths, from_mapping, load
+from flipdiagram.scenario.text import unknown_field
 
 KEYS = ("base", "vary", "known", "sampler", "seed", "trials", "architectures", "timeout", "limit_hours", "tune")
 MOST_TRIALS = 10_000_000

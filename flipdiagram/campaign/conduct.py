@@ -12,15 +12,15 @@ from pathlib import Path
 from typing import Any
 
 from flipdiagram.campaign.checks import check_estimate
-from flipdiagram.campaign.engines import engine
 from flipdiagram.campaign.modes import mode_of
 from flipdiagram.campaign.opening import begun
 from flipdiagram.campaign.results import Results, Row
-from flipdiagram.campaign.running import WORK, Job, fly_all
 from flipdiagram.campaign.specification import Specification, Trial, scenario_digest
-from flipdiagram.campaign.work import Landed, Planned, Work, provenance
 from flipdiagram.errors import ScenarioError, SimulationError
-from flipdiagram.studies.flips import Clock
+from flipdiagram.flips.driver import WORK, Job, fly_all
+from flipdiagram.flips.engines import engine
+from flipdiagram.flips.flips import Clock
+from flipdiagram.flips.work import Landed, Planned, Work, provenance
 
 FILE = "campaign.sqlite"
 TIMES = ("solve_time_s",)

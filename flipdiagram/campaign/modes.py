@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flipdiagram.metrics import FlipMetrics
+from flipdiagram.simulation.metrics import FlipMetrics
 
 SUCCESS = "turned over"
 MODES = (

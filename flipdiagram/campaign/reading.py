@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from flipdiagram.errors import ScenarioError
-from flipdiagram.scenario_io import _Loader, show
+from flipdiagram.scenario.text import _Loader, show
 
 LARGEST = 1_000_000
 """Characters that a specification may have."""

@@ -14,8 +14,8 @@ import numpy as np
 from flipdiagram.campaign import sampling
 from flipdiagram.campaign.distributions import Distribution
 from flipdiagram.campaign.sampling import Floats
-from flipdiagram.scenario import Scenario, field_paths
-from flipdiagram.studies.flips import PLAN_SECTIONS
+from flipdiagram.flips.flips import PLAN_SECTIONS
+from flipdiagram.scenario.scenario import Scenario, field_paths
 
 UNKNOWN_SECTIONS = ("arm", "tool", "object", "table")
 """Things of the world: planner and controller go by the base scenario's unless the campaign says they are known."""

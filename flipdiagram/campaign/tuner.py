@@ -11,17 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from flipdiagram.campaign.engine import Engine
-from flipdiagram.campaign.engines import engine
 from flipdiagram.campaign.modes import MODES, SUCCESS, mode_of
-from flipdiagram.campaign.running import WORK, Job, fly_all
 from flipdiagram.campaign.specification import Specification, value_of
 from flipdiagram.campaign.statistics import mcnemar, paired_difference, wilson
 from flipdiagram.campaign.tuning import Goal, Tune
-from flipdiagram.campaign.work import Landed, Planned, Work
 from flipdiagram.errors import ScenarioError
-from flipdiagram.studies.flips import Clock, Flip, Outcome
-from flipdiagram.studies.store import Store
+from flipdiagram.flips.driver import WORK, Job, fly_all
+from flipdiagram.flips.engine import Engine
+from flipdiagram.flips.engines import engine
+from flipdiagram.flips.flips import Clock, Flip, Outcome
+from flipdiagram.flips.store import Store
+from flipdiagram.flips.work import Landed, Planned, Work
 
 BATCH = 4
 """Sets of gains tried at a time: the search is the same on any number of workers."""

@@ -15,8 +15,8 @@ from flipdiagram.campaign.distributions import Distribution, DistributionError, 
 from flipdiagram.campaign.reading import Source, read
 from flipdiagram.campaign.specification import Specification
 from flipdiagram.errors import ScenarioError
-from flipdiagram.scenario import ARCHITECTURES, Scenario, field_paths
-from flipdiagram.scenario_io import unknown_field
+from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, field_paths
+from flipdiagram.scenario.text import unknown_field
 
 KEYS = ("architecture", "over", "objective", "budget", "held_out", "seed")
 SECTIONS = ("controller", "planner")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from pydrake.systems.framework import Diagram
 
+from flipdiagram.diagrams.loop import Loop
 from flipdiagram.drawing.dot import render, to_dot
 from flipdiagram.drawing.graph import Graph, read_graph
 from flipdiagram.drawing.layout import FEEDBACK, Line, lines
@@ -18,7 +19,6 @@ from flipdiagram.drawing.rates import RateTable, rates_of
 from flipdiagram.drawing.style import Style, styled_by_rate
 from flipdiagram.errors import ScenarioError
 from flipdiagram.files import write_atomically
-from flipdiagram.loop import Loop
 
 CELL = ("scene_graph", "joint_friction", "joint_torque", "joint_state", "contact_forces")
 """The systems of `plants.cell` beside the plant, which stand flat in the loop's diagram."""

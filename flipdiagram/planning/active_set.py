@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from flipdiagram.contact import Floats
 from flipdiagram.errors import ScenarioError
-from flipdiagram.planning.kernels import compiled
+from flipdiagram.planning.native.condensing import compiled
+from flipdiagram.theory.contact import Floats
 
 ROWS_PER_VARIABLE = 1.5
 """Rows given to the solver at first, per variable; a solution has no more active rows than variables."""

@@ -16,13 +16,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flipdiagram.contact import Floats
-from flipdiagram.planning import active_set, kernels
+from flipdiagram.planning import active_set
 from flipdiagram.planning.horizon import INPUTS, STATES, STRIDE, Layout
-from flipdiagram.planning.kernels import AXES
 from flipdiagram.planning.model import LandingCost, flight
+from flipdiagram.planning.native import condensing as kernels
+from flipdiagram.planning.native.condensing import AXES
 from flipdiagram.planning.program import FREE_TRUST, TRUST_LENGTH, TURNING_RADIUS, Solution
 from flipdiagram.planning.rows import Rows
+from flipdiagram.theory.contact import Floats
 
 CACHED = 32
 """Pairs of contact and flight samples whose matrix is kept, the last ones used; another takes a few tenths of a ms."""

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from flipdiagram.contact import GRAVITY_Z, Floats, tool_normal, tool_tangent
 from flipdiagram.planning.horizon import Indices, Layout
 from flipdiagram.planning.model import flight
 from flipdiagram.planning.rows import Rows
-from flipdiagram.scenario import Scenario
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.theory.contact import GRAVITY_Z, Floats, tool_normal, tool_tangent
 
 FRICTION = "friction cone"
 NORMAL = "normal force"

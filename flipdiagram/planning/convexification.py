@@ -6,9 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flipdiagram import contact
-from flipdiagram.arm import ArmModel
-from flipdiagram.contact import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import constraints, limits
 from flipdiagram.planning.constraints import Trajectory
@@ -17,7 +14,10 @@ from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.model import LandingCost, flight
 from flipdiagram.planning.program import Solution
 from flipdiagram.planning.rows import Rows
-from flipdiagram.scenario import Scenario
+from flipdiagram.robot.arm import ArmModel
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.theory import contact
+from flipdiagram.theory.contact import Floats
 
 GROUPS = (
     constraints.FRICTION, constraints.NORMAL, constraints.SUPPORT, constraints.RELEASE, constraints.WORKSPACE,

@@ -6,15 +6,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from flipdiagram.arm import ArmModel
-from flipdiagram.contact import Floats
 from flipdiagram.planning.condensed import CondensedProgram
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.model import LandingCost
 from flipdiagram.planning.program import HorizonProgram, Solution
 from flipdiagram.planning.rows import Rows
-from flipdiagram.scenario import Scenario
-from flipdiagram.serial_chain import serial_chain
+from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.serial_chain import serial_chain
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.theory.contact import Floats
 
 if TYPE_CHECKING:
     from flipdiagram.planning.native.linearisation import Linearisation

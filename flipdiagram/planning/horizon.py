@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flipdiagram.contact import Floats
+from flipdiagram.theory.contact import Floats
 
 STATES, INPUTS = 6, 3
 STRIDE = STATES + INPUTS

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flipdiagram.arm import ArmModel
-from flipdiagram.contact import Floats
 from flipdiagram.planning.horizon import Indices, Layout
 from flipdiagram.planning.rows import Rows
-from flipdiagram.scenario import Scenario
+from flipdiagram.robot.arm import ArmModel
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.theory.contact import Floats
 
 POSITION = "joint position limit"
 SPEED = "joint speed limit"

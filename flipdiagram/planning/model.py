@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from flipdiagram.contact import GRAVITY_Z, Floats
+from flipdiagram.theory.contact import GRAVITY_Z, Floats
 
 
 def transition(sampling_time: float) -> tuple[Floats, Floats]:

@@ -12,9 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flipdiagram import contact
-from flipdiagram.arm import ArmModel
-from flipdiagram.contact import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import constraints, limits
 from flipdiagram.planning.constraints import Geometry, Trajectory
@@ -23,7 +20,10 @@ from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.rows import Rows
 from flipdiagram.planning.segment import SegmentProgram
 from flipdiagram.planning.slide import Slide, tilt_for
-from flipdiagram.scenario import Scenario
+from flipdiagram.robot.arm import ArmModel
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.theory import contact
+from flipdiagram.theory.contact import Floats
 
 CARRY_SAMPLES = (40, 60, 80, 120, 160)
 """Durations tried for the carrying, in samples: the first that the contact and the joints allow."""

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flipdiagram import contact
-from flipdiagram.contact import Floats
 from flipdiagram.errors import ScenarioError
 from flipdiagram.planning.model import flight
+from flipdiagram.theory import contact
+from flipdiagram.theory.contact import Floats
 
 SCHEMA = "flipdiagram/motion/1"
 

@@ -26,11 +26,11 @@ from pydrake.solvers import (
     SolverInterface,
 )
 
-from flipdiagram.contact import Floats
 from flipdiagram.errors import ScenarioError
 from flipdiagram.planning.horizon import STATES, Layout
 from flipdiagram.planning.model import LandingCost, flight, transition
 from flipdiagram.planning.rows import Rows
+from flipdiagram.theory.contact import Floats
 
 _SOLVERS = {
     "clarabel": ClarabelSolver,

@@ -7,15 +7,15 @@ from itertools import product
 
 import numpy as np
 
-from flipdiagram.arm import ArmModel
-from flipdiagram.contact import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import limits
 from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.convexification import Convexification, Outcome
 from flipdiagram.planning.finish import plan_of
 from flipdiagram.planning.plan import Plan
-from flipdiagram.scenario import Scenario
+from flipdiagram.robot.arm import ArmModel
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.theory.contact import Floats
 
 FEWEST = 3
 """Contact samples that must be left: with fewer there is nothing to decide any more."""

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from flipdiagram.contact import Floats
+from flipdiagram.theory.contact import Floats
 
 
 class Rows:

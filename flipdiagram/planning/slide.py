@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flipdiagram.contact import GRAVITY_Z, Floats
 from flipdiagram.errors import PlanningError
+from flipdiagram.theory.contact import GRAVITY_Z, Floats
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,13 @@ from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, InputPort, LeafSystem, OutputPort
 from pydrake.systems.primitives import Adder, Demultiplexer
 
-from flipdiagram.arm import ArmModel
 from flipdiagram.blocks.friction import JointFriction, stable_transition_velocity
-from flipdiagram.contact import Floats
 from flipdiagram.errors import ScenarioError
-from flipdiagram.parts import Parts, add_parts
 from flipdiagram.plants.push import Push
-from flipdiagram.scenario import Scenario
+from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.parts import Parts, add_parts
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.theory.contact import Floats
 
 
 @dataclass(frozen=True)

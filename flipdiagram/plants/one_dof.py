@@ -17,8 +17,8 @@ from flipdiagram.blocks._parameters import (
     write_parameter,
 )
 from flipdiagram.blocks._scalars import choose, sign
-from flipdiagram.contact import GRAVITY_Z
 from flipdiagram.errors import ScenarioError
+from flipdiagram.theory.contact import GRAVITY_Z
 
 Friction = Literal["none", "signum", "stick-slip"]
 FRICTIONS: tuple[Friction, ...] = ("none", "signum", "stick-slip")

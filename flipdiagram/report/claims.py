@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from flipdiagram.frequency_tables import FIGURES, numbers
 from flipdiagram.grid import BAD, Grid, verdict
-from flipdiagram.studies.claims import TEXTS, Claim
+from flipdiagram.studies.frequency.claims import TEXTS, Claim
+from flipdiagram.studies.frequency.tables import FIGURES, numbers
 
 Summary = Mapping[str, Any]
 FREQUENCY, EXPERIMENT = "flipdiagram frequency", "flipdiagram experiment"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from flipdiagram.figures import NAMES
-from flipdiagram.scenario import ARCHITECTURES
+from flipdiagram.figures.motion import NAMES
+from flipdiagram.scenario.scenario import ARCHITECTURES
 
 Summary = Mapping[str, Any]
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from flipdiagram.border_tables import border_grid, variation_grid
-from flipdiagram.experiment_tables import engine_grid, engine_variants_grid, runs_grid
-from flipdiagram.frequency_tables import realisations_grid
-from flipdiagram.place_tables import place_grid
-from flipdiagram.replanning_tables import replanning_grid
 from flipdiagram.report.claims import claims_grid
 from flipdiagram.report.findings import border_sentences, fragile_sentence, lead_sentence
 from flipdiagram.report.sources import model_grid, scenario_grid
-from flipdiagram.scenario import Scenario
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.studies.borders.tables import border_grid, variation_grid
+from flipdiagram.studies.experiment.tables import engine_grid, engine_variants_grid, runs_grid
+from flipdiagram.studies.frequency.tables import realisations_grid
+from flipdiagram.studies.place.tables import place_grid
+from flipdiagram.studies.replanning.tables import replanning_grid
 
 Summary = Mapping[str, Any]
 

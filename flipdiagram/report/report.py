@@ -8,14 +8,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flipdiagram import border_figures, campaign_report, experiment_figures, frequency_figures, place_figures
+from flipdiagram.campaign import report as campaign_report
 from flipdiagram.files import write_atomically, write_summary
-from flipdiagram.frequency_tables import write_markdown
 from flipdiagram.report.claims import all_claims
 from flipdiagram.report.html import self_contained
 from flipdiagram.report.pages import page
-from flipdiagram.scenario import Scenario
-from flipdiagram.studies import borders, experiment, frequency, place, replanning
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.studies.borders import figures as border_figures
+from flipdiagram.studies.borders import run as borders
+from flipdiagram.studies.experiment import figures as experiment_figures
+from flipdiagram.studies.experiment import run as experiment
+from flipdiagram.studies.frequency import figures as frequency_figures
+from flipdiagram.studies.frequency import run as frequency
+from flipdiagram.studies.frequency.tables import write_markdown
+from flipdiagram.studies.place import figures as place_figures
+from flipdiagram.studies.place import run as place
+from flipdiagram.studies.replanning import run as replanning
 
 Progress = Callable[[str], None]
 

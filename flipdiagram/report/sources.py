@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 
-from flipdiagram import scenario_io
-from flipdiagram.assets import urdf_directory
 from flipdiagram.grid import Grid
-from flipdiagram.scenario import Scenario
+from flipdiagram.robot.model_files import urdf_directory
+from flipdiagram.scenario import text as scenario_io
+from flipdiagram.scenario.scenario import Scenario
 
 ORIGINS = {
     "p": "the paper",

@@ -10,12 +10,13 @@ import pandas as pd  # type: ignore[import-untyped]  # pandas-stubs may be missi
 import xarray as xr
 from matplotlib.axes import Axes
 
-from flipdiagram import metrics, scenario
 from flipdiagram.errors import ScenarioError
-from flipdiagram.metrics import FlipMetrics
 from flipdiagram.results import frame, plots
 from flipdiagram.results.signals import check_recording
-from flipdiagram.scenario import Scenario
+from flipdiagram.scenario import scenario
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.simulation import metrics
+from flipdiagram.simulation.metrics import FlipMetrics
 
 
 @xr.register_dataset_accessor("flip")

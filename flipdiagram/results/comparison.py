@@ -13,9 +13,8 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from flipdiagram.errors import ScenarioError
-from flipdiagram.figures import NAMES, STYLES
+from flipdiagram.figures.motion import NAMES, STYLES
 from flipdiagram.grid import BAD, GOOD, Grid
-from flipdiagram.metrics import measure
 from flipdiagram.planning.plan import Plan
 from flipdiagram.results import plots
 from flipdiagram.results.differences import (
@@ -36,6 +35,7 @@ from flipdiagram.results.signals import (
     number,
     scenario_fields,
 )
+from flipdiagram.simulation.metrics import measure
 
 SECOND = "#CC79A7"
 """The colour of the second recording where both are of one architecture."""

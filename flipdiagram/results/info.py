@@ -10,11 +10,11 @@ import xarray as xr
 
 from flipdiagram.errors import ScenarioError
 from flipdiagram.grid import Grid
-from flipdiagram.metrics import measure
 from flipdiagram.planning.plan import Plan
 from flipdiagram.results.opening import AnyPath, Source, open_result, read
 from flipdiagram.results.signals import check_recording, components, flat, number, scenario_fields
-from flipdiagram.scenario import Scenario
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.simulation.metrics import measure
 
 Rows = list[tuple[str, str]]
 

@@ -17,7 +17,7 @@ from flipdiagram.errors import ScenarioError
 from flipdiagram.planning.plan import SCHEMA as PLAN_SCHEMA
 from flipdiagram.planning.plan import Plan
 from flipdiagram.results import summaries
-from flipdiagram.studies.recordings import load_recording
+from flipdiagram.simulation.recording_files import load_recording
 
 STUDIES = ("turnover", "experiment", "borders", "frequency", "report", "plan")
 VERSION = 1

@@ -9,10 +9,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flipdiagram import metrics
 from flipdiagram.errors import ScenarioError
-from flipdiagram.figures import GUIDE, LABELS, MARK, NAMES, STYLES, Style, dropped_at, new_axes
+from flipdiagram.figures.motion import GUIDE, LABELS, MARK, NAMES, STYLES, Style, dropped_at, new_axes
 from flipdiagram.results.signals import Component, components, pretty, scenario_fields
+from flipdiagram.simulation import metrics
 
 OTHER = Style("#56B4E9", "-", 2.5, 1.6)
 """An architecture of the user's own."""

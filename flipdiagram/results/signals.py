@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flipdiagram import scenario_io
-from flipdiagram.contact import Floats
 from flipdiagram.errors import ScenarioError
-from flipdiagram.scenario import Scenario
+from flipdiagram.scenario import text as scenario_io
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.theory.contact import Floats
 
 NEEDED = ("x", "x_cmd", "v", "v_cmd", "a", "a_cmd", "q", "qd", "tau", "block_pose", "tool_pose", "contact_force")
-"""What every recording holds; see `flipdiagram.recording`."""
+"""What every recording holds; see `flipdiagram.simulation.recording`."""
 ATTRIBUTES = ("architecture", "release_time_s", "end_time_s")
 UNITS = {
     "_m_s2": "m/s2", "_rad_s2": "rad/s2", "_m_s": "m/s", "_rad_s": "rad/s", "_Nm": "N m", "_rad": "rad", "_m": "m",

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from flipdiagram.results.signals import unit_of
-from flipdiagram.studies.recordings import load_recording
+from flipdiagram.simulation.recording_files import load_recording
 
 Summary = Mapping[str, Any]
 OMITTED = ("architecture", "start_y_m", "plan")
@@ -31,7 +31,7 @@ def turnover(summary: Summary, folder: Path) -> xr.Dataset:
 
 def experiment(summary: Summary, folder: Path) -> xr.Dataset:
     """The runs over (architecture, start_y, joint), and the claims E1–E8 over `claim`."""
-    from flipdiagram.studies.experiment import recording_name  # brings half of Drake, which no other study needs
+    from flipdiagram.studies.experiment.run import recording_name  # brings half of Drake, which no other study needs
 
     coords = {"architecture": list(summary["architectures"]), "start_y": list(summary["starts_y_m"])}
     runs = {(run["architecture"], run["start_y_m"]): _run(run) for run in summary["runs"]}

@@ -14,10 +14,10 @@ from pathlib import Path
 from flipdiagram.campaign.checks import from_text
 from flipdiagram.campaign.conduct import run
 from flipdiagram.campaign.opening import opened
-from flipdiagram.campaign.work import Landed, Work, provenance
 from flipdiagram.errors import ScenarioError
-from flipdiagram.metrics import FlipMetrics
-from flipdiagram.studies.flips import Outcome
+from flipdiagram.flips.flips import Outcome
+from flipdiagram.flips.work import Landed, Work, provenance
+from flipdiagram.simulation.metrics import FlipMetrics
 
 QUIET = """
 base: {simulation: {hold_time: 0.05, settle_time: 0.05}}

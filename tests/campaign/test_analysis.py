@@ -12,16 +12,17 @@ import xarray as xr
 from campaign.made_up import QUIET, WORK
 from rich.console import Console
 
-from flipdiagram import campaign_figures, campaign_tables
+from flipdiagram.campaign import figures as campaign_figures
+from flipdiagram.campaign import tables as campaign_tables
 from flipdiagram.campaign.analysis import analyse
 from flipdiagram.campaign.checks import from_text
 from flipdiagram.campaign.conduct import run
 from flipdiagram.campaign.dataset import METRICS, export, load_dataset, parameters_of, to_dataset
 from flipdiagram.campaign.modes import LIMITED, MODES, mode_of
 from flipdiagram.campaign.opening import begun
+from flipdiagram.campaign.report import report_section, write_analysis
 from flipdiagram.campaign.results import Row
 from flipdiagram.campaign.watch import status_grid, watch
-from flipdiagram.campaign_report import report_section, write_analysis
 from flipdiagram.errors import ScenarioError
 
 NAMES = ("pd", "pd+ff", "pd+dob", "pd+ff+dob")

@@ -12,7 +12,7 @@ from flipdiagram.campaign.conduct import run
 from flipdiagram.campaign.opening import begun, is_running, opened
 from flipdiagram.campaign.results import Row
 from flipdiagram.errors import ScenarioError, SimulationError
-from flipdiagram.studies.store import Store
+from flipdiagram.flips.store import Store
 
 META = {"code": "c", "versions": "{}", "begun": "0"}
 SPECIFICATION = from_text(QUIET)

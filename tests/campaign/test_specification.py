@@ -10,8 +10,8 @@ from flipdiagram.campaign.conduct import _missing
 from flipdiagram.campaign.reading import parse
 from flipdiagram.campaign.tuning import load_tuning, tuning
 from flipdiagram.errors import ScenarioError
-from flipdiagram.scenario import Scenario
-from flipdiagram.studies.flips import Flip
+from flipdiagram.flips.flips import Flip
+from flipdiagram.scenario.scenario import Scenario
 
 GOOD = """
 base: {task: {start_y: 0.02}}

@@ -8,10 +8,10 @@ from campaign.made_up import QUIET
 
 from flipdiagram.campaign.checks import from_text
 from flipdiagram.campaign.reading import parse
+from flipdiagram.campaign.report import report_section, write_tuning
 from flipdiagram.campaign.tuner import held_out_trials, tune
 from flipdiagram.campaign.tuning import Goal, tuning
-from flipdiagram.campaign.work import Work
-from flipdiagram.campaign_report import report_section, write_tuning
+from flipdiagram.flips.work import Work
 
 pytest.importorskip("optuna")
 

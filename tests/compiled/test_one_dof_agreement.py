@@ -19,10 +19,10 @@ from pydrake.systems.framework import DiagramBuilder, EventStatus
 
 from flipdiagram.blocks.commands import SinusoidalCommand
 from flipdiagram.compiled import compile_diagram
-from flipdiagram.one_dof_loop import build_controller
+from flipdiagram.diagrams.one_dof import build_controller
 from flipdiagram.plants.one_dof import OneDofPlant
-from flipdiagram.scenario import ARCHITECTURES
-from flipdiagram.scenario_one_dof import OneDof
+from flipdiagram.scenario.one_dof import OneDof
+from flipdiagram.scenario.scenario import ARCHITECTURES
 
 # Drake's Expression keeps pointers in the payload of a NaN; NumPy reports the flags its comparisons leave.
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")

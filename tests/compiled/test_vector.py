@@ -14,10 +14,10 @@ from sampled_diagrams import expressions_block, one_axis_loop, saturated_loop, s
 
 from flipdiagram.blocks.commands import SinusoidalCommand
 from flipdiagram.compiled import compile_diagram, kernel
-from flipdiagram.one_dof_loop import build_controller, build_experiment
+from flipdiagram.diagrams.one_dof import build_controller, build_experiment
 from flipdiagram.plants.one_dof import OneDofPlant
-from flipdiagram.scenario import ARCHITECTURES
-from flipdiagram.scenario_one_dof import OneDof
+from flipdiagram.scenario.one_dof import OneDof
+from flipdiagram.scenario.scenario import ARCHITECTURES
 
 # Drake's Expression keeps pointers in the payload of a NaN; NumPy reports the flags its comparisons leave.
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")

@@ -2,10 +2,10 @@
 
 import pytest
 
-from flipdiagram.arm import ArmModel
-from flipdiagram.parts import arm_of
 from flipdiagram.planning import Plan, Planner
-from flipdiagram.scenario import Scenario
+from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.parts import arm_of
+from flipdiagram.scenario.scenario import Scenario
 
 
 @pytest.fixture(scope="session")

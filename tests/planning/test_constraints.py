@@ -12,13 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from planar import blade, block, flown, placed
 
-from flipdiagram import contact
-from flipdiagram.assets import box_inertia
 from flipdiagram.planning import constraints
 from flipdiagram.planning.constraints import Geometry, Trajectory
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.rows import Rows
-from flipdiagram.scenario import Scenario
+from flipdiagram.robot.model_files import box_inertia
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.theory import contact
 
 SCENARIO = Scenario()
 PLANNER, THING = SCENARIO.planner, SCENARIO.object

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from flipdiagram.arm import ArmModel
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import limits
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.limits import POSITION, SPEED, TORQUE, Allowed
 from flipdiagram.planning.rows import Rows
-from flipdiagram.scenario import Scenario
+from flipdiagram.robot.arm import ArmModel
+from flipdiagram.scenario.scenario import Scenario
 
 LAYOUT, FIRST, X = Layout(release=4, n_brake=2), 2, 0.5
 SEEDS = range(4)

@@ -5,15 +5,15 @@ import pytest
 from pydrake.multibody.tree import PrismaticJoint
 from robots import package_file
 
-from flipdiagram.arm import ArmModel
-from flipdiagram.arm_files import ArmFile
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import limits
 from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.convexification import Convexification
 from flipdiagram.planning.native.along import Along, speeds
-from flipdiagram.scenario import Scenario
-from flipdiagram.serial_chain import serial_chain
+from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.own_files import ArmFile
+from flipdiagram.robot.serial_chain import serial_chain
+from flipdiagram.scenario.scenario import Scenario
 
 ROTORS = (0.6, 0.6, 0.5, 0.5, 0.2, 0.2, 0.2)
 ARMS = {
@@ -126,7 +126,7 @@ def test_angles_at_a_pose_are_found_from_near_and_refused_outside_the_limits(sce
 
 
 def test_what_is_no_chain_of_revolute_joints_falls_back(scenario, arm, monkeypatch):
-    monkeypatch.setattr("flipdiagram.serial_chain.RevoluteJoint", PrismaticJoint)
+    monkeypatch.setattr("flipdiagram.robot.serial_chain.RevoluteJoint", PrismaticJoint)
     horizons = Convexification(scenario.with_overrides({"planner.solver": "daqp"}), arm)
     assert horizons._native is None
     rows, _ = horizons.rows(horizons.guess(24, 5), grouped=False)

@@ -6,14 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from flipdiagram import contact
 from flipdiagram.errors import PlanningError
-from flipdiagram.parts import arm_of
 from flipdiagram.planning.placing import Placer
 from flipdiagram.planning.rows import Rows
 from flipdiagram.planning.segment import SegmentProgram
 from flipdiagram.planning.slide import Slide, tilt_for
-from flipdiagram.scenario import Scenario
+from flipdiagram.robot.parts import arm_of
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.theory import contact
 
 G = 9.81
 

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from planar import G, blade, block, flown, gap, placed, polar
 
-from flipdiagram.arm import ArmModel
 from flipdiagram.errors import ScenarioError
 from flipdiagram.planning import Plan
 from flipdiagram.planning.limits import POSITION, SPEED, TORQUE, task_pose
+from flipdiagram.robot.arm import ArmModel
 
 MS = 0.001
 

@@ -12,7 +12,7 @@ from flipdiagram.errors import PlanningError
 from flipdiagram.planning import Plan, Planner, constraints, convexification, plan_motion
 from flipdiagram.planning.limits import POSITION, SPEED, TORQUE
 from flipdiagram.planning.rows import Rows
-from flipdiagram.scenario import Scenario
+from flipdiagram.scenario.scenario import Scenario
 
 
 def assert_all_constraints_hold(plan: Plan, scenario: Scenario) -> None:

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from flipdiagram import contact
 from flipdiagram.errors import PlanningError
-from flipdiagram.parts import arm_of
 from flipdiagram.planning import plan_motion
 from flipdiagram.planning.replanner import Replanner
-from flipdiagram.scenario import Scenario
+from flipdiagram.robot.parts import arm_of
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.theory import contact
 
 
 @pytest.fixture(scope="module")

@@ -12,9 +12,9 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from flipdiagram.errors import ScenarioError
-from flipdiagram.parts import arm_of
 from flipdiagram.plants.cell import add_cell
-from flipdiagram.scenario import Scenario
+from flipdiagram.robot.parts import arm_of
+from flipdiagram.scenario.scenario import Scenario
 
 G = 9.81
 STEP = 0.001

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from flipdiagram.contact import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning.native import chain as kinematics
 from flipdiagram.planning.native import dynamics
-from flipdiagram.serial_chain import SerialChain
+from flipdiagram.robot.serial_chain import SerialChain
+from flipdiagram.theory.contact import Floats
 
 
 class Along:

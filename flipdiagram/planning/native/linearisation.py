@@ -10,8 +10,6 @@ from itertools import product
 
 import numpy as np
 
-from flipdiagram.arm import ArmModel
-from flipdiagram.contact import GRAVITY_Z, Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import limits
 from flipdiagram.planning.constraints import Geometry, Trajectory
@@ -21,8 +19,10 @@ from flipdiagram.planning.native import chain as kinematics
 from flipdiagram.planning.native import rows as row_kernels
 from flipdiagram.planning.native.along import Along, speeds
 from flipdiagram.planning.rows import Buffer, FilledRows
-from flipdiagram.scenario import Scenario
-from flipdiagram.serial_chain import SerialChain
+from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.serial_chain import SerialChain
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.theory.contact import GRAVITY_Z, Floats
 
 REACHED = 1e-9
 """Largest error of a sample's task pose [m, rad], as in ArmModel.inverse_kinematics_path."""

@@ -1,0 +1,227 @@
+"""Pictures of a campaign: success and failures, what matters, success over two parameters, errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
+
+from flipdiagram.campaign.modes import MODES, SUCCESS
+from flipdiagram.campaign.sensitivity import strength
+from flipdiagram.figures.motion import NAMES, RC, STYLES, save
+
+Summary = Mapping[str, Any]
+
+COLOURS = {
+    SUCCESS: "#009E73", "slid off": "#E69F00", "tipped": "#F0E442", "hit the table": "#D55E00",
+    "wrong angle": "#CC79A7", "never landed": "#8C564B", "torque limit": "#332288", "no plan": "#BBBBBB",
+    "diverged": "#000000", "refused": "#777777", "timeout": "#56B4E9", "crashed": "#0072B2",
+}  # fmt: skip
+"""Of the outcomes, in the order of `MODES`; Okabe and Ito's and Tol's, which colour-blind readers can tell apart."""
+MOST_PARAMETERS = 10
+TARGETS = {"success": "turned over", "position_rmse_m": "position RMSE"}
+
+
+def write_figures(summary: Summary, data: xr.Dataset, out: Path) -> list[str]:
+    """Write every figure for which there is data, as PNG and SVG; returns their names without suffix."""
+    figures = {"campaign_success": plot_success(summary)}
+    if any(_has_effect(found) for found in summary["sensitivity"].values()):
+        figures["campaign_sensitivity"] = plot_sensitivity(summary)
+    if summary["map"] is not None:
+        figures["campaign_map"] = plot_map(summary)
+    if bool(np.isfinite(data["position_rmse_m"]).any()):
+        figures["campaign_errors"] = plot_errors(data)
+    for name, figure in figures.items():
+        save(figure, out / name)
+    return list(figures)
+
+
+def plot_success(summary: Summary) -> Figure:
+    """Left: success rates with their intervals; right: what became of all flips."""
+    names = list(summary["architectures"])[::-1]
+    with rc_context(RC):
+        figure = Figure(figsize=(9.0, 0.5 * len(names) + 1.6), layout="constrained")
+        left, right = figure.subplots(1, 2, sharey=True, width_ratios=(1, 1.3))
+        for k, name in enumerate(names):
+            entry = summary["architectures"][name]
+            interval, colour = [100 * entry["low"], 100 * entry["high"]], STYLES[name].color
+            left.plot(interval, [k, k], color=colour, linewidth=5, alpha=0.4)
+            if entry["rate"] is not None:
+                left.plot(100 * entry["rate"], k, "o", color=colour, markersize=7)
+        shown = [mode for mode in MODES if any(mode in e["modes"] for e in summary["architectures"].values())]
+        for k, name in enumerate(names):
+            entry, start = summary["architectures"][name], 0.0
+            for mode in shown:
+                share = 100 * entry["modes"].get(mode, 0) / max(entry["flips"], 1)
+                label = mode if k == 0 else None
+                right.barh(k, share, left=start, color=COLOURS[mode], label=label, height=0.65, edgecolor="white")
+                if share >= 7:
+                    light = np.dot(to_rgba(COLOURS[mode])[:3], (0.3, 0.6, 0.1)) > 0.5
+                    right.text(start + share / 2, k, f"{share:.0f}", ha="center", va="center",
+                               color="black" if light else "white", fontsize=8)  # fmt: skip
+                start += share
+        left.set_yticks(range(len(names)), [NAMES[name] for name in names])
+        left.set(xlim=(-2, 102), xlabel="turned over [%], 95 % interval", ylim=(-0.6, len(names) - 0.4))
+        right.set(xlim=(0, 100), xlabel="outcomes [% of the flips]")
+        if shown:
+            right.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(len(shown), 4), frameon=False)
+        _plain(left)
+        right.spines[["top", "right"]].set_visible(False)
+        right.tick_params(left=False)
+    return figure
+
+
+def plot_sensitivity(summary: Summary) -> Figure:
+    """For each architecture the share of the variance of the ranks that goes with each parameter, with its sign."""
+    found = summary["sensitivity"]
+    total: dict[str, float] = dict.fromkeys(summary["parameters"], 0.0)
+    for targets in found.values():
+        for target in TARGETS:
+            for entry in targets[target]:
+                total[entry["parameter"]] += strength(entry)
+    parameters = sorted(total, key=lambda name: total[name])[-MOST_PARAMETERS:]
+    with rc_context(RC):
+        figure = Figure(figsize=(9.0, 0.42 * len(parameters) + 1.5), layout="constrained")
+        panels = figure.subplots(1, len(TARGETS), sharey=True, squeeze=False)[0]
+        height = 0.8 / len(found)
+        for ax, (target, words) in zip(panels, TARGETS.items(), strict=True):
+            for j, (name, targets) in enumerate(found.items()):
+                entries = {entry["parameter"]: entry for entry in targets[target]}
+                at = [k + 0.4 - (j + 0.5) * height for k in range(len(parameters))]
+                shares = [100 * strength(entries[p]) for p in parameters]
+                ax.barh(at, shares, height=height, color=STYLES[name].color, label=NAMES[name])
+                for y, share, parameter in zip(at, shares, parameters, strict=True):
+                    rho = entries[parameter]["rho"]
+                    if share >= 3 and rho is not None:
+                        ax.text(share + 0.8, y, "+" if rho > 0 else "−", va="center", fontsize=8, color="0.3")
+            ax.set_yticks(range(len(parameters)), [_short(name) for name in parameters])
+            ax.axvspan(0, 100 * summary["chance"], color="0.9", linewidth=0, zorder=0)
+            ax.set_title(f"of: {words}", fontsize=9.5)
+            ax.set_xlim(0, None)
+            _plain(ax)
+        words = "share of the variance of the ranks [%];  + −: sign of the rank correlation;  grey: chance"
+        figure.supxlabel(words, fontsize=9)
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=len(found), frameon=False)
+    return figure
+
+
+def plot_map(summary: Summary) -> Figure:
+    """Success rate over the two parameters that matter most, one panel an architecture; numbers: flips in the cell."""
+    drawn = summary["map"]
+    names = list(drawn["architectures"])
+    with rc_context(RC):
+        figure = Figure(figsize=(2.5 * len(names) + 1.3, 3.1), layout="constrained")
+        panels = figure.subplots(1, len(names), sharex=True, sharey=True, squeeze=False)[0]
+        for ax, name in zip(panels, names, strict=True):
+            trials = np.array(drawn["architectures"][name]["trials"], dtype=float)
+            won = np.array(drawn["architectures"][name]["successes"], dtype=float)
+            rate = np.divide(100 * won, trials, out=np.full_like(won, np.nan), where=trials > 0)
+            ax.set_facecolor("0.92")
+            image = ax.imshow(rate, origin="lower", aspect="auto", cmap="viridis", vmin=0, vmax=100)
+            for (j, i), count in np.ndenumerate(trials):
+                if count:
+                    ax.text(i, j, f"{count:.0f}", ha="center", va="center", fontsize=7,
+                            color="black" if rate[j, i] > 55 else "white")  # fmt: skip
+            ax.set_title(NAMES[name], color=STYLES[name].color, fontweight="bold", fontsize=10)
+            _ticks(ax, drawn["x"], drawn["y"])
+        panels[0].set_ylabel(_short(drawn["y"]["parameter"]))
+        figure.supxlabel(_short(drawn["x"]["parameter"]), fontsize=9)
+        figure.colorbar(image, ax=list(panels), label="turned over [%]", pad=0.01)
+    return figure
+
+
+def plot_errors(data: xr.Dataset) -> Figure:
+    """Shares of flips whose position RMSE, and whose torque over its limit, is below a value."""
+    with rc_context(RC):
+        figure = Figure(figsize=(9.0, 3.3), layout="constrained")
+        panels = figure.subplots(1, 2, sharey=True)
+        shown = (
+            ("position_rmse_m", 100, "position RMSE [cm]"),
+            ("torque_use", 1, "largest joint torque over its limit [1]"),
+        )
+        for ax, (name, factor, label) in zip(panels, shown, strict=True):
+            for architecture in data["architecture"].values:
+                values = np.sort(data[name].sel(architecture=architecture).values * factor)
+                values = values[np.isfinite(values)]
+                if len(values):
+                    shares = 100 * np.arange(1, len(values) + 1) / len(values)
+                    style = STYLES[str(architecture)].line()
+                    ax.step(values, shares, where="post", label=NAMES[str(architecture)], **style)
+            ax.set(xlabel=label, ylim=(0, 101))
+            _plain(ax)
+        if np.nanmin(data["position_rmse_m"].values) > 0:
+            panels[0].set_xscale("log")
+            panels[0].xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            panels[0].xaxis.set_major_formatter("{x:g}")
+            panels[0].xaxis.set_minor_formatter("")
+        panels[0].set_ylabel("flips below [%]")
+        panels[1].axvline(1.0, color="0.4", linewidth=0.9, linestyle=":")
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=4, frameon=False)
+    return figure
+
+
+def plot_tuning(tuning: Summary) -> Figure:
+    """Left: the score of each set of gains and the best so far; right: default and tuned, search and held out."""
+    history = tuning["history"]
+    with rc_context(RC):
+        figure = Figure(figsize=(9.0, 3.2), layout="constrained")
+        left, right = figure.subplots(1, 2, width_ratios=(1.6, 1))
+        scores = [100 * entry["rate"] for entry in history]
+        left.plot(scores, "o", color="0.6", markersize=4, label="a set of gains")
+        left.plot(0, scores[0], "s", color="#0072B2", label="default gains")
+        best = tuning["best"]
+        left.plot(best, scores[best], "*", color="#D55E00", markersize=12, label="chosen")
+        left.set(xlabel="set of gains", ylabel="turned over in the search [%]")
+        left.xaxis.get_major_locator().set_params(integer=True)
+        left.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
+        for k, part in enumerate(("search", "held_out")):
+            for j, (side, colour) in enumerate((("default", "#0072B2"), ("tuned", "#D55E00"))):
+                entry, x = tuning[part][side], k + 0.16 * (2 * j - 1)
+                low, high = 100 * (entry["rate"] - entry["low"]), 100 * (entry["high"] - entry["rate"])
+                right.errorbar(x, 100 * entry["rate"], yerr=[[low], [high]], fmt="o", color=colour, capsize=4,
+                               label=side if k == 0 else None)  # fmt: skip
+        right.set_xticks([0, 1], ["search", "held out"])
+        right.set(xlim=(-0.5, 1.5), ylim=(-2, 102), ylabel="turned over [%], 95 % interval")
+        right.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
+        for ax in (left, right):
+            _plain(ax)
+    return figure
+
+
+def _has_effect(targets: Mapping[str, Any]) -> bool:
+    return any(entry["explained"] is not None for found in targets.values() for entry in found)
+
+
+def _ticks(ax: Axes, x: Mapping[str, Any], y: Mapping[str, Any]) -> None:
+    for axis, set_ticks in ((x, ax.set_xticks), (y, ax.set_yticks)):
+        if axis["edges"] is None:
+            set_ticks(range(len(axis["values"])), [_text(value) for value in axis["values"]])
+        else:  # between the cells
+            set_ticks(np.arange(len(axis["edges"])) - 0.5, [_text(value) for value in axis["edges"]])
+    ax.tick_params(axis="x", rotation=60)
+
+
+def _text(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{float(f'{value:.3g}'):g}"
+
+
+def _short(name: str) -> str:
+    """Fields that vary together by the first of them."""
+    parts: Sequence[str] = name.split(",")
+    return parts[0] + (" …" if len(parts) > 1 else "")
+
+
+def _plain(ax: Axes) -> None:
+    ax.grid(color="0.9", linewidth=0.6)
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)

@@ -1,0 +1,59 @@
+"""What a campaign's file says, written out: summary.json, figures, and campaign.md."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from flipdiagram.campaign.analysis import analyse
+from flipdiagram.campaign.conduct import FILE
+from flipdiagram.campaign.dataset import load_dataset
+from flipdiagram.campaign.figures import plot_tuning, write_figures
+from flipdiagram.campaign.tables import section, tuning_section
+from flipdiagram.figures.motion import save
+from flipdiagram.files import write_atomically, write_summary
+from flipdiagram.scenario.scenario import Scenario, from_mapping
+
+TUNING = "tuning.json"
+"""What the tuner found, in its folder."""
+
+
+def write_analysis(file: str | Path, out: str | Path) -> dict[str, Any]:
+    """Analyse a campaign's file, of a running one what is there; returns the summary.  Raises ScenarioError."""
+    out = Path(out)
+    data = load_dataset(file)
+    specification = json.loads(data.attrs["specification"])
+    body: dict[str, Any] = analyse(data)
+    body["figures"] = write_figures(body, data, out)
+    body["specification"] = {key: value for key, value in specification.items() if key != "base"}
+    written = write_summary(out / "summary.json", "campaign", from_mapping(specification["base"]), body)
+    summary: dict[str, Any] = json.loads(written.read_text(encoding="utf-8"))
+    write_atomically(out / "campaign.md", f"# Campaign\n\n{section(summary)}")
+    return summary
+
+
+def write_tuning(tuning: dict[str, Any], base: Scenario, out: str | Path) -> dict[str, Any]:
+    """Write what the tuner found: tuning.json, tuning.md and a figure; returns the summary."""
+    out = Path(out)
+    save(plot_tuning(tuning), out / "tuning")
+    written = write_summary(out / TUNING, "tuning", base, tuning)
+    text = f"# Tuned gains\n\n{tuning_section(tuning)}\n![Search and verdict](tuning.png)\n"
+    write_atomically(out / "tuning.md", text)
+    summary: dict[str, Any] = json.loads(written.read_text(encoding="utf-8"))
+    return summary
+
+
+def report_section(folder: Path, names: Sequence[str] = ("campaign", "tuning")) -> str:
+    """What the reproduction report shows of campaigns and of tuned gains below `folder`/name; '' without them."""
+    parts = [section(write_analysis(folder / name / FILE, folder / name), name) for name in _with(folder, names, FILE)]
+    for name in _with(folder, names, TUNING):
+        tuning = json.loads((folder / name / TUNING).read_text(encoding="utf-8"))
+        picture = f"![Search and verdict of the tuner]({name}/tuning.png)"
+        parts.append(f"### Default gains against tuned ones\n\n{tuning_section(tuning)}\n{picture}\n")
+    return "\n".join(parts)
+
+
+def _with(folder: Path, names: Sequence[str], file: str) -> list[str]:
+    return [name for name in names if (folder / name / file).is_file()]

@@ -1,0 +1,45 @@
+"""The drawings of `flipdiagram diagram`: which diagram is drawn, and where the drawing goes."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from flipdiagram.diagrams.loop import build_loop
+from flipdiagram.diagrams.one_dof import build_controller, build_experiment
+from flipdiagram.drawing import Drawing, draw
+from flipdiagram.errors import ScenarioError
+from flipdiagram.files import write_atomically
+from flipdiagram.scenario.scenario import Scenario
+
+SUFFIXES = {".dot": "dot", ".gv": "dot", ".svg": "svg", ".png": "png", ".mmd": "mermaid", ".md": "mermaid"}
+
+
+def drawing_of(
+    scenario: Scenario, architecture: str, *, one_dof: bool = False, depth: int = 0, rates: bool = False
+) -> Drawing:
+    """The drawing of an architecture's loop, or of the 1-DOF loop of section III; raises ScenarioError."""
+    if not one_dof:
+        return draw(build_loop(scenario, architecture), depth=depth, rates=rates)
+    settings = scenario.one_dof
+    loop = build_experiment(build_controller(architecture, settings), settings)
+    # the controller is a diagram of its own there: open, it is the figure
+    return draw(loop, depth=depth + 1, rates=rates)
+
+
+def write(drawing: Drawing, format: str | None, out: Path | None) -> None:
+    """Write a drawing to a file, or to stdout; the format follows from the file's ending where none is named.
+
+    Raises ScenarioError for an unknown ending, MissingProgramError where graphviz is needed and absent.
+    """
+    if format is None:
+        if out is not None and out.suffix.lower() not in SUFFIXES:
+            raise ScenarioError(f"--out = '{out}' ends in no known format; valid is {', '.join(SUFFIXES)}, or --format")
+        format = "mermaid" if out is None else SUFFIXES[out.suffix.lower()]
+    content: str | bytes = getattr(drawing, format)()
+    if out is not None:
+        write_atomically(out, content)
+    elif isinstance(content, str):
+        sys.stdout.write(content if content.endswith("\n") else content + "\n")
+    else:
+        sys.stdout.buffer.write(content)

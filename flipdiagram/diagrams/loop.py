@@ -1,0 +1,220 @@
+"""Controller and cell closed into one diagram: the whole of Fig. 4."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.geometry import Meshcat, MeshcatVisualizer
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, OutputPort
+from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
+
+from flipdiagram.blocks.camera import Camera
+from flipdiagram.blocks.delay import Delay
+from flipdiagram.blocks.mpc import ModelPredictiveController
+from flipdiagram.blocks.noise import SensorNoise
+from flipdiagram.blocks.receding_horizon import RecedingHorizonController, Timing
+from flipdiagram.blocks.sensors import Encoder, PseudoDerivative
+from flipdiagram.diagrams.controller import ControllerBoxes, add_controller
+from flipdiagram.diagrams.replacement import Box
+from flipdiagram.errors import ScenarioError
+from flipdiagram.planning.limits import task_pose
+from flipdiagram.planning.plan import Plan
+from flipdiagram.planning.planner import Planner
+from flipdiagram.planning.replanner import FEWEST, Replanner
+from flipdiagram.plants.cell import Cell, add_cell
+from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.parts import arm_of
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.theory.contact import Floats
+
+REPLANNING = ("solve_time", "iterations", "status", "cone_margin")
+"""Signals of an MPC that replans, beside the commands."""
+
+
+@dataclass(frozen=True)
+class Loop:
+    """The closed loop and handles to its boxes; `context()` starts a run at rest with the block on the blade."""
+
+    diagram: Diagram
+    scenario: Scenario
+    architecture: str
+    arm: ArmModel
+    mpc: ModelPredictiveController | RecedingHorizonController
+    boxes: ControllerBoxes
+    cell: Cell
+    q_start: Floats
+    logs: dict[str, VectorLogSink]
+    """Sinks by signal name, where the loop was built with `record`."""
+    replaced: tuple[str, ...] = ()
+    """Boxes that are of the user's own."""
+
+    def context(self, plan: Plan | None = None) -> Context:
+        """A fresh context: arm at rest at the start pose, block on the blade; with `plan` the MPC need not solve."""
+        context = self.diagram.CreateDefaultContext()
+        plant, parts = self.cell.plant, self.cell.parts
+        mine = plant.GetMyMutableContextFromRoot(context)
+        plant.SetPositions(mine, parts.arm.arm, self.q_start)
+        task, unknown = self.scenario.task, self.scenario.disturbance
+        start_y = task.start_y + unknown.start_error + unknown.block_offset  # the blade is level there
+        centre = np.array([task.start_x, start_y, task.start_z])
+        plant.SetFreeBodyPose(mine, parts.block, RigidTransform(centre))
+        for name in ("delayed_q", "velocity"):
+            if self.diagram.HasSubsystemNamed(name):
+                box = self.diagram.GetSubsystemByName(name)
+                inside = box.GetMyMutableContextFromRoot(context)
+                (box.set_initial_value if name == "delayed_q" else box.set_initial_position)(inside, self.q_start)
+        if plan is not None:
+            self.mpc.set_plan(self.mpc.GetMyMutableContextFromRoot(context), plan)
+        return context
+
+
+def build_loop(
+    scenario: Scenario,
+    architecture: str = "pd+ff+dob",
+    planner: Callable[[], Plan] | None = None,
+    record: bool = False,
+    replace: Mapping[str, Box] | None = None,
+    meshcat: Meshcat | None = None,
+) -> Loop:
+    """Wire MPC, controller, sensors and cell of a scenario into one diagram, boxes named as in Fig. 4.
+
+    planner: what the MPC calls at the start of a run, by default the scenario's own; record: add sinks that log the
+    signals every controller period; replace: boxes of the user's own by name, {"pd": MyController}, see
+    `replacement.chosen`; meshcat: where to show the cell.  Raises ScenarioError for an unknown architecture, a bad
+    number or a box that does not fit, PlanningError where the arm cannot be at the start pose.
+    """
+    arm = arm_of(scenario)
+    motion = Planner(scenario, arm)
+    q_start = motion.q_start
+    if scenario.disturbance.start_error:
+        standing = task_pose(motion.horizons.start, scenario.task.start_x)
+        standing[0] += scenario.disturbance.start_error
+        q_start = arm.inverse_kinematics(standing, q_start)
+    settings, n = scenario.controller, arm.n_joints
+    # A plant with a finer step takes the torque of the sample before its own: sampling between two of its steps, after
+    # the one that led to t and before the one that leaves it, adds no delay.
+    fine = scenario.simulation.step < settings.period
+    offset = settings.period - scenario.simulation.step / 2 if fine else 0.0
+
+    builder = DiagramBuilder()
+    mpc = builder.AddNamedSystem("mpc", _mpc(scenario, arm, motion, planner or motion.plan))
+    cell = add_cell(builder, scenario, arm)
+    q, qd = _sensed(builder, scenario, cell, n, offset)
+    boxes = add_controller(
+        builder, scenario, architecture, arm, q_start, mpc=mpc, q=q, qd=qd, offset=offset, replace=replace
+    )
+    if isinstance(mpc, RecedingHorizonController):
+        _close_horizon(builder, scenario, mpc, cell, boxes, q)
+    tau = boxes.torque_limit.GetOutputPort("tau")
+    if fine:
+        held = builder.AddNamedSystem("hold", ZeroOrderHold(settings.period, n, offset))
+        builder.Connect(tau, held.get_input_port())
+        builder.Connect(held.get_output_port(), cell.tau)
+        tau = held.get_output_port()
+    else:
+        builder.Connect(tau, cell.tau)
+
+    logs = {}
+    if record:
+        signals = {name: mpc.GetOutputPort(name) for name in ("x_cmd", "v_cmd", "a_cmd")}
+        signals |= {
+            "state": cell.plant.get_state_output_port(),
+            "tau": tau,
+            "contact_wrench": cell.contact_wrench,
+        }
+        if isinstance(mpc, RecedingHorizonController):
+            signals |= {name: mpc.GetOutputPort(name) for name in REPLANNING}
+        if boxes.disturbance_observer is not None:
+            signals["tau_dis"] = boxes.disturbance_observer.GetOutputPort("tau_dis")
+        for name, port in signals.items():
+            logs[name] = builder.AddNamedSystem(f"log_{name}", VectorLogSink(port.size(), settings.period))
+            builder.Connect(port, logs[name].get_input_port())
+    if meshcat is not None:
+        MeshcatVisualizer.AddToBuilder(builder, cell.scene_graph, meshcat)
+    try:
+        diagram = builder.Build()
+    except RuntimeError as error:
+        if "algebraic loop" not in str(error) or not replace:
+            raise
+        text = str(error).splitlines()[0]
+        raise ScenarioError(f"replace: {', '.join(replace)} closes an algebraic loop: {text}") from None
+    diagram.set_name(architecture)
+    return Loop(diagram, scenario, architecture, arm, mpc, boxes, cell, q_start, logs, tuple(replace or ()))
+
+
+def _mpc(
+    scenario: Scenario, arm: ArmModel, motion: Planner, planner: Callable[[], Plan]
+) -> ModelPredictiveController | RecedingHorizonController:
+    """The MPC of the scenario: it plans once, or again and again."""
+    settings, start_time = scenario.planner, scenario.simulation.hold_time
+    hold = task_pose(motion.horizons.start, scenario.task.start_x)
+    hold[0] += scenario.disturbance.start_error
+    if settings.replan_period is None:
+        return ModelPredictiveController(planner, hold, start_time, stand=scenario.disturbance.start_error != 0)
+    replanner = Replanner(scenario, arm)
+    timing = Timing(
+        settings.replan_period, settings.compute_delay, settings.blend_time,
+        scenario.controller.period / 4, settings.replan_deadline,
+    )  # fmt: skip
+    measured = settings.replan_from == "measured"
+    return RecedingHorizonController(
+        planner, replanner.replan, hold, timing,
+        joints=arm.n_joints, start_time=start_time, measured=measured, fewest=FEWEST,
+    )  # fmt: skip
+
+
+def _close_horizon(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    mpc: RecedingHorizonController,
+    cell: Cell,
+    boxes: ControllerBoxes,
+    q: OutputPort,
+) -> None:
+    """What a replanning MPC measures: the tool, the joints and, where there is a camera, the object on the blade."""
+    for name in ("x", "v"):
+        builder.Connect(boxes.tool_kinematics.GetOutputPort(name), mpc.GetInputPort(name))
+    builder.Connect(q, mpc.GetInputPort("q"))
+    sensors = scenario.sensors
+    if sensors.camera_period is not None:
+        camera = Camera(
+            cell.parts.arm.tool, cell.parts.block, sensors.camera_period, sensors.camera_delay, sensors.camera_noise,
+            sensors.camera_seed, offset=scenario.controller.period / 2,
+        )  # fmt: skip
+        builder.AddNamedSystem("camera", camera)
+        builder.Connect(cell.plant.get_body_poses_output_port(), camera.get_input_port())
+        builder.Connect(camera.get_output_port(), mpc.GetInputPort("shift"))
+
+
+def _sensed(builder: DiagramBuilder, scenario: Scenario, cell: Cell, n: int, offset: float) -> list[OutputPort]:
+    """q and qd as the controller sees them: through what the scenario has of noise, encoder, delay, velocity filter.
+
+    The encoder rounds angles that are noisy already.  Noise of the velocities comes before their delay, or after the
+    filter where there is one: it belongs to the velocity, however that is measured.
+    """
+    sensors, period = scenario.sensors, scenario.controller.period
+
+    def through(box: LeafSystem, name: str, signal: OutputPort) -> OutputPort:
+        builder.AddNamedSystem(name, box)
+        builder.Connect(signal, box.get_input_port())
+        return box.get_output_port()
+
+    def noisy(signal: OutputPort, name: str, deviation: float, stream: int) -> OutputPort:
+        if deviation == 0:
+            return signal
+        return through(SensorNoise(np.full(n, deviation), sensors.noise_seed, period, offset, stream), name, signal)
+
+    q, qd = noisy(cell.q, "position_noise", sensors.position_noise, 0), cell.qd
+    if sensors.encoder_resolution > 0:
+        q = through(Encoder(np.full(n, sensors.encoder_resolution)), "encoder", q)
+    if sensors.delay > 0:
+        q = through(Delay(n, sensors.delay, period, offset), "delayed_q", q)
+    if sensors.velocity_cutoff is not None:
+        qd = through(PseudoDerivative(np.full(n, sensors.velocity_cutoff), period, offset), "velocity", q)
+    qd = noisy(qd, "velocity_noise", sensors.velocity_noise, 1)
+    if sensors.velocity_cutoff is None and sensors.delay > 0:
+        qd = through(Delay(n, sensors.delay, period, offset), "delayed_qd", qd)
+    return [q, qd]

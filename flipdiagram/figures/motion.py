@@ -1,0 +1,293 @@
+"""Results -> Matplotlib axes (Figs. 12 to 15 of the paper and what belongs to them). Nothing here simulates.
+
+Every function draws into the axes it is given, or into a new Figure, and returns the axes; figures are Figure
+objects without pyplot, so there is no display and no global state. `recordings` maps architecture to its
+recording (an xarray.Dataset as written by simulate.py); time 0 is the start of the motion. `save` writes the
+same bytes for the same figure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
+
+from flipdiagram.errors import ScenarioError
+from flipdiagram.files import atomic_path
+from flipdiagram.scenario.scenario import ARCHITECTURES
+from flipdiagram.simulation import metrics
+
+if TYPE_CHECKING:
+    from flipdiagram.planning.plan import Plan
+
+Array = NDArray[Any]
+Recordings = Mapping[str, xr.Dataset]
+
+
+@dataclass(frozen=True)
+class Style:
+    """How one signal looks, in every figure.
+
+    The colours are Okabe and Ito's, which colour-blind readers can tell apart.
+    """
+
+    color: str
+    linestyle: Any
+    zorder: float
+    linewidth: float = 1.5
+
+    def line(self) -> dict[str, Any]:
+        """Keywords of Axes.plot."""
+        return {
+            "color": self.color,
+            "linestyle": self.linestyle,
+            "linewidth": self.linewidth,
+            "zorder": self.zorder,
+        }
+
+
+# broken lines lie over solid ones, or they could not be seen where two signals agree
+STYLES = {
+    "command": Style("#000000", "-", 2.9, 0.9),
+    "pd": Style("#D55E00", (0, (1, 1.2)), 2.8),
+    "pd+ff": Style("#E69F00", (0, (6, 1.5, 1, 1.5)), 2.7),
+    "pd+dob": Style("#0072B2", (0, (5, 1.5)), 2.6),
+    "pd+ff+dob": Style("#009E73", "-", 2.5, 1.9),
+}
+NAMES = {
+    "command": "command",
+    "pd": "PD",
+    "pd+ff": "PD + FF",
+    "pd+dob": "PD + DOB",
+    "pd+ff+dob": "PD + FF + DOB",
+}
+WITH_OBSERVER = ("pd+dob", "pd+ff+dob")
+AXES = ("y", "z", "theta")
+LABELS = {
+    "x": ("y [m]", "z [m]", "θ [rad]"),
+    "v": ("$v_y$ [m/s]", "$v_z$ [m/s]", "$v_θ$ [rad/s]"),
+    "a": ("$a_y$ [m/s²]", "$a_z$ [m/s²]", "$a_θ$ [rad/s²]"),
+}
+MARK: Any = {"color": "black", "linestyle": "none", "zorder": 3}
+GUIDE: Any = {"color": "0.4", "linewidth": 0.9, "linestyle": ":"}
+RC: Any = {
+    "svg.hashsalt": "flipdiagram",
+    "svg.fonttype": "path",
+    "font.family": "DejaVu Sans",  # comes with Matplotlib: the same text everywhere
+    "font.size": 9.0,
+}
+
+
+def style_of(name: str) -> Style:
+    """The style of an architecture or of the command; raises ScenarioError for an unknown name."""
+    try:
+        return STYLES[name]
+    except KeyError:
+        raise ScenarioError(
+            f"unknown architecture '{name}'; choose from {', '.join(ARCHITECTURES)}"
+        ) from None
+
+
+def dropped_at(recording: xr.Dataset) -> float | None:
+    """When blade and block touched last, if the tool had not turned beyond π/2 by then [s]; else None."""
+    k = metrics.release_index(recording)
+    return float(recording["time"][k]) if recording["x"].values[k, 2] <= np.pi / 2 else None
+
+
+def plot_trajectories(recordings: Recordings, ax: Axes | None = None) -> Axes:
+    """Fig. 13: the path of the spatula's control point in the y-z plane, command and all architectures."""
+    own, ax = ax is None, ax or new_axes(1, (5.2, 5.4))[0]
+    for name, recording in _command_first(recordings):
+        window = _motion(recording, before=0.0)
+        y, z, _ = _components(window, "x_cmd" if name == "command" else "x")
+        _line(ax, y, z, name)
+        if name == "command":
+            k = int(np.searchsorted(window["time"].values, recording.attrs["release_time_s"]))
+            ax.plot(y[0], z[0], "s", **MARK, label="start")
+            ax.plot(y[k], z[k], "o", **MARK, markerfacecolor="white", label="planned release")
+        elif (lost := dropped_at(recording)) is not None:
+            y, z, _ = _components(recording.sel(time=[lost], method="nearest"), "x")
+            ax.plot(y, z, "X", **MARK, markersize=9, markerfacecolor=style_of(name).color)
+    if any(dropped_at(recording) is not None for recording in recordings.values()):
+        ax.plot([], [], "X", **MARK, markersize=9, markerfacecolor="white", label="block dropped")
+    ax.set(xlabel=LABELS["x"][0], ylabel=LABELS["x"][1])
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.margins(0.08)
+    _finish([ax], own)
+    return ax
+
+
+def plot_velocities(
+    recordings: Recordings, architectures: Sequence[str] = WITH_OBSERVER, axes: Sequence[Axes] | None = None
+) -> Sequence[Axes]:
+    """Fig. 14: v_y, v_z, v_theta, command and responses of those architectures that were run."""
+    return _plot_responses(recordings, architectures, "v", axes)
+
+
+def plot_accelerations(
+    recordings: Recordings, architectures: Sequence[str] = WITH_OBSERVER, axes: Sequence[Axes] | None = None
+) -> Sequence[Axes]:
+    """Fig. 15: a_y, a_z, a_theta, command and responses (differences of the recorded velocity)."""
+    return _plot_responses(recordings, architectures, "a", axes)
+
+
+def plot_sliding_angle(recordings: Recordings, ax: Axes | None = None) -> Axes:
+    """Sliding angle of eq. (11) until release or loss of the block, and the friction angle on both sides."""
+    own, ax = ax is None, ax or new_axes(1, (5.6, 3.8))[0]
+    for name, recording in _command_first(recordings)[1:]:
+        lost, release = dropped_at(recording), float(recording.attrs["release_time_s"])
+        window = recording.sel(time=slice(0.0, release if lost is None else min(lost, release)))
+        _line(ax, window["time"], np.rad2deg(window["sliding_angle"]), name)
+        cone = float(np.rad2deg(recording.attrs["friction_angle_rad"]))
+    if recordings:
+        ax.axhline(cone, **GUIDE, label="friction angle")
+        ax.axhline(-cone, **GUIDE)
+    ax.set(xlabel="time [s]", ylabel="sliding angle φ [deg]", ylim=(-100, 100), yticks=range(-90, 91, 30))
+    _finish([ax], own)
+    return ax
+
+
+def plot_torques(recordings: Recordings, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
+    """Joint torques as sent, one panel a joint."""
+    joints = [str(name) for name in next(iter(recordings.values()))["joint"].values] if recordings else []
+    rows = -(-len(joints) // 3) or 1
+    own, axes = axes is None, list(new_axes(3 * rows, (9.0, 2.4 * rows), columns=3) if axes is None else axes)
+    for name, recording in _command_first(recordings)[1:]:
+        window = _motion(recording)
+        for ax, values in zip(axes, window["tau"].values.T, strict=False):
+            _line(ax, window["time"], values, name)
+    for name, ax in zip(joints, axes, strict=False):
+        # one letter reads as an index, a longer name does not
+        ax.set_ylabel(rf"$τ_{name}$ [N m]" if len(name) == 1 else f"τ {name.removesuffix('_joint')} [N m]")
+    for ax in axes[len(joints) :]:
+        ax.set_visible(False)
+    for ax in axes[max(0, len(joints) - 3) :]:
+        ax.set_xlabel("time [s]")
+        ax.tick_params(labelbottom=True)
+    _finish(axes, own)
+    return axes
+
+
+def plot_plan(plan: Plan, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
+    """Planned position, velocity and acceleration of y, z, theta (rows: quantity); the braking is shaded."""
+    own, axes = axes is None, list(new_axes(9, (9.0, 6.0), columns=3) if axes is None else axes)
+    t = np.linspace(0.0, plan.duration, 1001)
+    flying = np.linspace(plan.release_time, plan.touchdown_time, 101)
+    path, command = plan.object_path(flying), STYLES["command"].line()
+    for row, (quantity, values) in enumerate(zip("xva", plan.sample(t), strict=True)):
+        for column, ax in enumerate(axes[3 * row : 3 * row + 3]):
+            ax.plot(t, values[:, column], label="tool", **command)
+            if quantity == "x":
+                ax.plot(flying, path[:, column], color="#CC79A7", linestyle="--", label="object in flight")
+            ax.axvspan(plan.release_time, plan.duration, color="0.92", linewidth=0, label="tool brakes")
+            ax.axvline(plan.touchdown_time, **GUIDE, label="touch-down")
+            ax.set(ylabel=LABELS[quantity][column])
+    for ax in axes[6:]:
+        ax.set_xlabel("time [s]")
+    _finish(axes, own)
+    return axes
+
+
+def snapshot_strip(images: ArrayLike, times: Sequence[float] | Array, ax: Axes | None = None) -> Axes:
+    """Fig. 12: pictures (n, height, width, 3) of uint8 in two rows, each with its time [s]."""
+    pictures = np.asarray(images)
+    count, height, width = pictures.shape[:3]
+    columns, gap = -(-count // 2), 6
+    wide, high = columns * (width + gap) - gap, 2 * (height + gap) - gap
+    ax = ax or new_axes(1, (2.6 * columns, 2.6 * columns * high / wide), frame=False)[0]
+    # a picture at a time: Matplotlib resamples in floats, which for one large sheet takes 200 MB
+    for k, (picture, time) in enumerate(zip(pictures, times, strict=True)):
+        top, left = (k // columns) * (height + gap), (k % columns) * (width + gap)
+        ax.imshow(picture, interpolation="nearest", extent=(left, left + width, top + height, top))
+        box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 2.0}
+        ax.text(left + width / 32, top + width / 32, f"{time:.2f} s", va="top", ha="left", bbox=box)
+    ax.set(xlim=(0, wide), ylim=(high, 0), aspect="equal")
+    ax.set_axis_off()
+    return ax
+
+
+def new_axes(count: int, size: tuple[float, float], columns: int = 1, frame: bool = True) -> list[Axes]:
+    """Axes of a new Figure of a size in inches, row by row; without a frame they fill it."""
+    with rc_context(RC):
+        figure = Figure(figsize=size, layout="constrained" if frame else None)
+        if not frame:
+            return [figure.add_axes((0, 0, 1, 1))]
+        return list(np.ravel(figure.subplots(count // columns, columns, sharex=count > 1, squeeze=False)))
+
+
+def save(figure: Figure, path: str | Path, dpi: int = 150) -> list[Path]:
+    """Write `path`.png and `path`.svg (path without suffix), each whole or not at all; returns both paths.
+
+    No dates inside: the same figure gives the same bytes. Raises ScenarioError where it cannot write.
+    """
+    written = []
+    with rc_context(RC):
+        for suffix, metadata in (("png", {"Software": None}), ("svg", {"Date": None, "Creator": None})):
+            target = Path(f"{path}.{suffix}")
+            with atomic_path(target) as temporary:
+                figure.savefig(temporary, format=suffix, dpi=dpi, metadata=metadata)
+            written.append(target)
+    return written
+
+
+def _plot_responses(
+    recordings: Recordings, architectures: Sequence[str], quantity: str, axes: Sequence[Axes] | None
+) -> Sequence[Axes]:
+    own, axes = axes is None, list(new_axes(3, (5.6, 6.2)) if axes is None else axes)
+    chosen = {name: recordings[name] for name in architectures if name in recordings}
+    for name, recording in _command_first(chosen):
+        window = _motion(recording)
+        components = _components(window, f"{quantity}_cmd" if name == "command" else quantity)
+        for ax, values in zip(axes, components, strict=True):
+            _line(ax, window["time"], values, name)
+    for ax, label in zip(axes, LABELS[quantity], strict=True):
+        ax.set(ylabel=label)
+        for recording in list(chosen.values())[:1]:
+            ax.axvline(recording.attrs["release_time_s"], **GUIDE, label="planned release")
+    axes[-1].set_xlabel("time [s]")
+    _finish(axes, own)
+    return axes
+
+
+def _command_first(recordings: Recordings) -> list[tuple[str, xr.Dataset]]:
+    """Names with data in their fixed order: the command, the same in every recording, comes first."""
+    for name in recordings:
+        style_of(name)
+    known = [(name, recordings[name]) for name in ARCHITECTURES if name in recordings]
+    return [("command", recording) for _, recording in known[:1]] + known
+
+
+def _motion(recording: xr.Dataset, before: float = 0.05, after: float = 0.15) -> xr.Dataset:
+    """From shortly before the motion to shortly after the command has come to rest, times in s."""
+    return recording.sel(time=slice(-before, recording.attrs["end_time_s"] + after))
+
+
+def _line(ax: Axes, horizontal: ArrayLike, vertical: ArrayLike, name: str) -> None:
+    ax.plot(horizontal, vertical, label=NAMES[name], **style_of(name).line())
+
+
+def _components(recording: xr.Dataset, name: str) -> list[Array]:
+    return [recording[name].values[:, k] for k in range(len(AXES))]
+
+
+def _finish(axes: Sequence[Axes], own: bool) -> None:
+    """Grid and legend; the legend stands above the panels where the figure is our own."""
+    for ax in axes:
+        ax.grid(color="0.9", linewidth=0.6)
+        ax.set_axisbelow(True)
+        ax.spines[["top", "right"]].set_visible(False)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure = axes[0].figure
+    if handles and own and isinstance(figure, Figure):
+        columns = 3 if figure.get_figwidth() < 7 else 5
+        figure.legend(handles, labels, loc="outside upper center", ncols=columns, frameon=False)
+    elif handles:
+        axes[0].legend(fontsize="small", framealpha=0.9)

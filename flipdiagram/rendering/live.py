@@ -1,0 +1,81 @@
+"""The flip while it is being simulated, in a browser through Meshcat."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+from pydrake.geometry import Meshcat, MeshcatParams, Rgba, Sphere
+from pydrake.math import RigidTransform
+
+from flipdiagram.diagrams.loop import build_loop
+from flipdiagram.errors import SimulationError
+from flipdiagram.planning import plan_motion
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.simulation.metrics import judge
+from flipdiagram.simulation.simulate import simulate
+
+SPEED = 0.5
+"""Simulated seconds per second of wall time; the simulation itself runs at about twice real time."""
+HOLD_SHOWN = 1.0
+"""Seconds of the hold that are shown at most: longer ones pass as fast as they can."""
+
+
+def show_live(
+    scenario: Scenario,
+    architectures: Sequence[str],
+    *,
+    port: int | None = None,
+    announce: Callable[[str], None] = print,
+    wait: Callable[[], None] | None = None,
+) -> None:
+    """Simulate the architectures one after the other while a browser watches; then serve until `wait` returns.
+
+    port: of the server on this machine, by default the first free one from 7000.  announce: told the address and each
+    verdict.  wait: by default until Ctrl-C.  Raises SimulationError where the port is taken.
+    """
+    try:
+        meshcat = Meshcat(MeshcatParams(host="localhost", port=port, show_stats_plot=False))
+    except RuntimeError as error:
+        raise SimulationError(f"Meshcat cannot listen on port {port}: {error}") from None
+    announce(f"watch at {meshcat.web_url()} (waiting for a browser)")
+    plan = plan_motion(scenario)
+    _mark(meshcat, scenario)
+    while meshcat.GetNumActiveConnections() == 0:
+        time.sleep(0.1)
+    for name in architectures:
+        loop = build_loop(scenario, name, record=True, meshcat=meshcat)
+        pace = _Pace(scenario.simulation.hold_time - HOLD_SHOWN)
+        flip = simulate(scenario, name, plan, loop=loop, pace=pace)
+        success, failure = judge(flip.recording)
+        announce(f"{name}: {'turned over' if success else failure}")
+    announce("all done; Ctrl-C ends the server")
+    (wait or _forever)()
+
+
+class _Pace:
+    """Progress that holds the simulation back to `SPEED`, from a simulated time on."""
+
+    def __init__(self, start: float) -> None:
+        self.start, self.begin = start, 0.0
+
+    def __call__(self, simulated: float) -> None:
+        if simulated <= self.start:
+            self.begin = time.monotonic()
+            return
+        ahead = (simulated - self.start) / SPEED - (time.monotonic() - self.begin)
+        if ahead > 0:
+            time.sleep(ahead)
+
+
+def _mark(meshcat: Meshcat, scenario: Scenario) -> None:
+    """A small sphere where the block shall land, and a camera that looks at it."""
+    task, table = scenario.task, scenario.table
+    meshcat.SetObject("target", Sphere(0.006), Rgba(0.0, 0.62, 0.45, 1.0))
+    meshcat.SetTransform("target", RigidTransform([task.start_x, task.target_y, table.height]))
+    meshcat.SetCameraPose([task.start_x + 0.8, 0.25, 0.5], [task.start_x, 0.0, 0.3])
+
+
+def _forever() -> None:
+    while True:
+        time.sleep(3600.0)

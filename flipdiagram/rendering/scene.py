@@ -1,0 +1,66 @@
+"""The cell as a picture: arm, spatula, block and table, posed from a recording; no physics.
+
+The upper half of the block is pale, its lower half keeps the colour of block.sdf, so that a turned block can
+be told from one that was not turned. Frames as in a recording: world = base of the robot; poses are
+(qw, qx, qy, qz, x, y, z) [1, m].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.geometry import Box, SceneGraph
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+
+from flipdiagram.robot.parts import Parts, add_parts
+from flipdiagram.scenario.scenario import Scenario
+
+Array = NDArray[Any]
+TOP_COLOUR = np.array([1.0, 0.87, 0.55, 1.0])
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The diagram and its parts; make contexts of it with `context()`."""
+
+    diagram: Diagram
+    plant: MultibodyPlant
+    scene_graph: SceneGraph
+    parts: Parts
+
+    def context(self) -> Context:
+        """A new context of the whole diagram."""
+        return self.diagram.CreateDefaultContext()
+
+    def pose(self, context: Context, q: ArrayLike, block_pose: ArrayLike) -> None:
+        """Put the arm at joint angles q (6,) [rad] and the block at block_pose (7,) in the world."""
+        mine = self.plant.GetMyMutableContextFromRoot(context)
+        self.plant.SetPositions(mine, self.parts.arm.arm, np.asarray(q, dtype=float))
+        self.plant.SetFreeBodyPose(mine, self.parts.block, transform(block_pose))
+
+
+def transform(pose: ArrayLike) -> RigidTransform:
+    """RigidTransform of a recorded pose (7,) = (qw, qx, qy, qz, x, y, z); the quaternion is normalised."""
+    values = np.asarray(pose, dtype=float)
+    return RigidTransform(Quaternion(values[:4] / np.linalg.norm(values[:4])), values[4:])
+
+
+def build_scene(scenario: Scenario) -> Scene:
+    """The cell of a scenario only to look at; raises ScenarioError for sizes that are not valid."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.001)
+    parts = add_parts(plant, scenario)
+    thing = scenario.object
+    size = (thing.width, thing.length, thing.thickness)
+    # 0.2 mm larger than the block, or both surfaces would flicker
+    upper = Box(size[0] + 2e-4, size[1] + 2e-4, size[2] / 2)
+    above: Any = np.array([0.0, 0.0, size[2] / 4 + 1e-4])
+    plant.RegisterVisualGeometry(parts.block, RigidTransform(above), upper, "upper_half", TOP_COLOUR)
+    plant.Finalize()
+    return Scene(builder.Build(), plant, scene_graph, parts)

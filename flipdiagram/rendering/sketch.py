@@ -1,0 +1,82 @@
+"""The cell as a line drawing, seen by the same camera as a rendering: what `snapshots.py` falls back on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import product
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from numpy.typing import NDArray
+from pydrake.math import RigidTransform
+from scipy.spatial import ConvexHull
+
+from flipdiagram.rendering.scene import TOP_COLOUR, build_scene, transform
+from flipdiagram.scenario.scenario import Scenario
+
+Array = NDArray[Any]
+Projection = Callable[[Array], Array]
+CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))
+BACKGROUND, TABLE, ARM, BLADE, RUBBER = "#d6e0eb", "#a9a08c", "#5b6b7d", "#39424e", "#de5c38"
+
+
+def draw_cell(
+    scenario: Scenario, project: Projection, size: int, q: Array, tool: Array, block: Array
+) -> Array:
+    """Pictures (n, size, size, 3) of uint8 of n instants: joints q (n, 6), poses of tool and block (n, 7).
+
+    project takes points (..., 3) of the world to pixels (..., 2): column, row.
+    """
+    scene = build_scene(scenario)
+    context = scene.context()
+    mine = scene.plant.GetMyContextFromRoot(context)
+    links = [scene.plant.get_body(i).body_frame() for i in scene.plant.GetBodyIndices(scene.parts.arm.arm)]
+    pictures = []
+    for q_k, tool_k, block_k in zip(q, tool, block, strict=True):
+        scene.pose(context, q_k, block_k)
+        joints = [frame.CalcPoseInWorld(mine).translation() for frame in [*links, scene.parts.arm.tool]]
+        X_WT, X_WB = transform(tool_k), transform(block_k)
+        pictures.append(_draw(scenario, project, size, np.array(joints), X_WT, X_WB))
+    return np.stack(pictures)
+
+
+def _draw(
+    scenario: Scenario,
+    project: Projection,
+    pixels: int,
+    joints: Array,
+    X_WT: RigidTransform,
+    X_WB: RigidTransform,
+) -> Array:
+    dpi = 100
+    figure = Figure(figsize=(pixels / dpi, pixels / dpi), dpi=dpi, facecolor=BACKGROUND)
+    canvas = FigureCanvasAgg(figure)
+    ax = figure.add_axes((0, 0, 1, 1), xlim=(-0.5, pixels - 0.5), ylim=(pixels - 0.5, -0.5))
+    ax.set_axis_off()
+    tool, thing, task = scenario.tool, scenario.object, scenario.task
+    top = RigidTransform(np.array([task.start_x, task.target_y, scenario.table.height]))  # type: ignore[arg-type]
+    arm = project(joints)
+    ax.plot(*arm.T, color=ARM, linewidth=pixels / 24, solid_capstyle="round", solid_joinstyle="round")
+    ax.plot(*arm.T, "o", color="white", markersize=pixels / 60)
+    _box(ax, project, top, (0.30, 0.80, 0.02), (0.0, 0.0, -0.01), TABLE)
+    blade = (tool.blade_length, tool.blade_width, tool.blade_thickness)
+    size = np.array([thing.width, thing.length, thing.thickness / 2])
+    layers = [(-size[2] / 2, RUBBER), (size[2] / 2, tuple(TOP_COLOUR))]
+    if (X_WB.rotation().matrix()[2, 2]) < 0:  # seen from above: what lies higher is painted last
+        layers.reverse()
+    _box(ax, project, X_WT, blade, (0.0, 0.0, -tool.blade_thickness / 2), BLADE)
+    for height, colour in layers:
+        _box(ax, project, X_WB, size, (0.0, 0.0, height), colour)
+    canvas.draw()
+    return np.array(canvas.buffer_rgba())[:, :, :3]
+
+
+def _box(ax: Axes, project: Projection, X: RigidTransform, size: Any, centre: Any, colour: Any) -> None:
+    corners = CORNERS * np.asarray(size) + np.asarray(centre)
+    seen = project(corners @ X.rotation().matrix().T + X.translation())
+    outline = seen[ConvexHull(seen).vertices]
+    ax.add_patch(Polygon(outline, closed=True, facecolor=colour, edgecolor="black", linewidth=0.6, zorder=3))

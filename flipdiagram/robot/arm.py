@@ -1,0 +1,266 @@
+"""The arm as a model: limits, kinematics and inertia, used by planning, blocks and the cell alike.
+
+Task coordinates x, shape (6,), in the order `AXES` = (y, z, theta, x, pitch, yaw) [m, rad]: position of the
+control point C in the base frame, and the tool's orientation as R_WT = Rz(yaw) Ry(pitch) Rx(theta), theta
+unwrapped into (-pi/2, 3 pi/2]. v is the time derivative of these six numbers (angle rates, not angular
+velocity); a of v. C lies `tool_height` above the centre of the blade's top surface along the blade's normal:
+the centre of the object as it rests there.
+
+Joint angles q are the modified Denavit-Hartenberg angles of urdf/mh3f.urdf [rad], not the numbers on the
+teach pendant.
+"""
+
+import copy
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydrake.autodiffutils import AutoDiffXd
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import (
+    JacobianWrtVariable,
+    MultibodyForces_,
+    SpatialInertia,
+    UnitInertia,
+)
+from pydrake.symbolic import Expression
+
+from flipdiagram.errors import ScenarioError
+from flipdiagram.robot import inverse_kinematics, task_space
+from flipdiagram.robot import model_files as assets
+from flipdiagram.robot.assembly import REFLECTED_INERTIA_SCALE, ArmHandles, add_arm
+from flipdiagram.robot.own_files import ArmFile
+from flipdiagram.robot.task_space import AXES, UNITS
+
+__all__ = ["AXES", "UNITS", "ArmHandles", "ArmModel", "add_arm"]
+
+Array = NDArray[Any]
+
+
+class ArmModel:
+    """Arm and spatula as a plant of their own, with what controller and planner need of it.
+
+    Keeps one private Context: not for two threads at once. All vectors of joints are in the order of
+    `joint_names`.
+
+    Attributes: plant (finalized, continuous, no scene graph); n_joints; joint_names; q_min, q_max, home
+    [rad]; qd_max [rad/s]; tau_max, tau_rated [N m]; each of shape (n_joints,), read from the URDF and scaled.
+    """
+
+    def __init__(
+        self,
+        tool_height: float = 0.005,
+        *,
+        link_inertia_scale: float = 1.0,
+        reflected_inertia_scale: float = REFLECTED_INERTIA_SCALE,
+        speed_scale: float = 1.0,
+        torque_scale: float = 1.0,
+        link_inertia_scales: Sequence[float] | None = None,
+        reflected_inertia_scales: Sequence[float] | None = None,
+        payload_mass: float = 0.0,
+        payload_inertia: float = 0.0,
+        arm: ArmFile | str | None = None,
+        spatula: str | None = None,
+        base_pose: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+    ) -> None:
+        """As `add_arm`; payload_mass [kg] rides at C, with payload_inertia [kg m^2] about x.
+
+        The inertia about y and z is set to the same: the task turns about x. Raises ScenarioError for a bad
+        number.
+        """
+        plant = MultibodyPlant(0.0)
+        self.handles = add_arm(
+            plant,
+            tool_height=tool_height,
+            link_inertia_scale=link_inertia_scale,
+            reflected_inertia_scale=reflected_inertia_scale,
+            speed_scale=speed_scale,
+            torque_scale=torque_scale,
+            link_inertia_scales=link_inertia_scales,
+            reflected_inertia_scales=reflected_inertia_scales,
+            arm=arm,
+            spatula=spatula,
+            base_pose=base_pose,
+        )
+        mass = assets.check_not_negative("payload_mass", payload_mass)
+        inertia = assets.check_not_negative("payload_inertia", payload_inertia)
+        if inertia > 0 and mass == 0:
+            raise ScenarioError(f"payload_inertia = {inertia} needs a payload_mass above 0, which is {mass}")
+        if mass > 0:
+            centre: Any = np.zeros(3)
+            gyration = inertia / mass
+            M_C = SpatialInertia(mass, centre, UnitInertia(gyration, gyration, gyration))
+            body = plant.AddRigidBody("payload", self.handles.spatula, M_C)
+            plant.WeldFrames(self.handles.control_point, body.body_frame())
+        plant.Finalize()
+        handles = self.handles
+        by_name = {name: plant.GetJointByName(name, handles.arm) for name in handles.rated_torques}
+        self.joint_names = tuple(sorted(by_name, key=lambda name: by_name[name].velocity_start()))
+        self.n_joints = plant.num_velocities()
+        # a joint that turns without end may turn once either way
+        self.q_min = np.maximum(np.array(plant.GetPositionLowerLimits(), dtype=float), -2 * np.pi)
+        self.q_max = np.minimum(np.array(plant.GetPositionUpperLimits(), dtype=float), 2 * np.pi)
+        self.qd_max = np.array(plant.GetVelocityUpperLimits(), dtype=float)
+        self.tau_max = np.array(plant.GetEffortUpperLimits(), dtype=float)
+        self.tau_rated = np.array([handles.rated_torques[name] for name in self.joint_names])
+        if self.n_joints < len(AXES):
+            raise ScenarioError(f"the arm has {self.n_joints} moving joints; valid are at least {len(AXES)}")
+        self._bind(plant, float)
+        self.knows_home = handles.home is not None
+        home = handles.home or dict(zip(self.joint_names, (self.q_min + self.q_max) / 2, strict=True))
+        self.home = np.array([home[name] for name in self.joint_names])
+
+    def _bind(self, plant: Any, scalar: Any) -> None:
+        self.plant = plant
+        self._context = plant.CreateDefaultContext()
+        self._world = plant.world_frame()
+        self._tool = plant.get_frame(self.handles.tool.index())
+        self._control_point = plant.get_frame(self.handles.control_point.index())
+        self._forces = MultibodyForces_[scalar](plant)
+        self._zero3 = np.zeros(3)
+
+    def to_scalar(self, scalar: Any) -> "ArmModel":
+        """The same arm over float, AutoDiffXd or Expression, with a Context of its own."""
+        convert = {
+            float: self.plant.Clone,
+            AutoDiffXd: self.plant.ToAutoDiffXd,
+            Expression: self.plant.ToSymbolic,
+        }.get(scalar)
+        if convert is None:
+            raise ScenarioError(f"scalar type {scalar!r} is not valid; choose from float, AutoDiffXd, Expression")
+        model = copy.copy(self)
+        model._bind(convert(), scalar)
+        return model
+
+    # Kinematics
+
+    def X_WT(self, q: ArrayLike) -> RigidTransform:
+        """Pose of the tool frame T (centre of the blade's top surface) in the base frame; q (n,) [rad]."""
+        self.plant.SetPositions(self._context, self._joints("q", q))
+        return self._tool.CalcPoseInWorld(self._context)
+
+    def task_position(self, q: ArrayLike) -> Array:
+        """Task coordinates x (6,) [m, rad] of joint angles q (n,) [rad]."""
+        self.plant.SetPositions(self._context, self._joints("q", q))
+        X_WC = self._control_point.CalcPoseInWorld(self._context)
+        return task_space.coordinates(X_WC.rotation().matrix(), X_WC.translation())
+
+    def task_position_velocity(self, q: ArrayLike, qd: ArrayLike) -> tuple[Array, Array]:
+        """x and v (6,) [m, rad; per second] of joint angles q [rad] and speeds qd [rad/s], both (n,)."""
+        self._set_state(q, qd)
+        X_WC = self._control_point.CalcPoseInWorld(self._context)
+        R = X_WC.rotation().matrix()
+        V_WC = self._control_point.CalcSpatialVelocityInWorld(self._context).get_coeffs()
+        return task_space.coordinates(R, X_WC.translation()), task_space.product(task_space.rate_map(R), V_WC)
+
+    def task_kinematics(self, q: ArrayLike, qd: ArrayLike) -> tuple[Array, Array, Array, Array]:
+        """x (6,), v (6,), J (6, n), bias (6,) with v = J qd, a = J qdd + bias; q, qd (n,) [rad, rad/s].
+
+        J, the J_t of Fig. 4, is the Jacobian of the task coordinates themselves; bias = J' qd, exactly.
+        """
+        qd = self._set_state(q, qd)
+        x, R, N, J = self._pose_and_jacobian()
+        A_bias = self.plant.CalcBiasSpatialAcceleration(
+            self._context, JacobianWrtVariable.kV, self._control_point, self._zero3, self._world, self._world
+        )
+        v = task_space.product(J, qd)
+        bias = task_space.product(N, A_bias.get_coeffs())
+        theta, pitch, yaw = task_space.rate_bias(R, v)
+        bias[2] += theta
+        bias[4] += pitch
+        bias[5] += yaw
+        return x, v, J, bias
+
+    def _pose_and_jacobian(self) -> tuple[Array, Array, Array, Array]:
+        X_WC = self._control_point.CalcPoseInWorld(self._context)
+        R = X_WC.rotation().matrix()
+        N = task_space.rate_map(R)
+        J_V = self.plant.CalcJacobianSpatialVelocity(
+            self._context, JacobianWrtVariable.kV, self._control_point, self._zero3, self._world, self._world
+        )
+        return task_space.coordinates(R, X_WC.translation()), R, N, task_space.product(N, J_V)
+
+    # Dynamics: M(q) qdd + C(q, qd) qd + gravity_torque(q) = tau; reflected inertia in M, no joint friction
+
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """M(q) (n, n) [kg m^2], reflected inertia of rotors and gears on its diagonal; q (n,) [rad]."""
+        self.plant.SetPositions(self._context, self._joints("q", q))
+        return self.plant.CalcMassMatrix(self._context)
+
+    def inverse_dynamics(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
+        """Joint torques tau (n,) [N m] of the motion q, qd, qdd (n,) [rad, s]: inertia, Coriolis, gravity."""
+        self._set_state(q, qd)
+        self.plant.CalcForceElementsContribution(self._context, self._forces)
+        return self.plant.CalcInverseDynamics(self._context, self._joints("qdd", qdd), self._forces)
+
+    def gravity_torque(self, q: ArrayLike) -> Array:
+        """Joint torques (n,) [N m] that hold the arm still at q (n,) [rad]: minus what gravity does."""
+        self.plant.SetPositions(self._context, self._joints("q", q))
+        return -self.plant.CalcGravityGeneralizedForces(self._context)
+
+    # Inverse kinematics: the searches are in inverse_kinematics.py
+
+    def inverse_kinematics(
+        self,
+        x_task: ArrayLike,
+        q_seed: ArrayLike | None = None,
+        tol: float = 1e-10,
+        through: Sequence[ArrayLike] = (),
+    ) -> Array:
+        """Joint angles q (n,) [rad] of the task pose x_task (6,), on the branch of the seed, error below tol.
+
+        The search starts from q_seed (default `home`), then from `home`, each time first directly, then along the
+        straight line in task space; an arm that knows no home is searched over all its joint space instead, for
+        angles from which the poses `through`, each (6,), can be reached too. Raises PlanningError naming the pose,
+        and the joint and its limit where one stands in the way.
+        """
+        target = self._task("x_task", x_task, 1)
+        seed = self.home if q_seed is None else self._joints("q_seed", q_seed)
+        if q_seed is None and not self.knows_home:
+            return inverse_kinematics.search(self, target, tol, [self._task("through", pose, 1) for pose in through])
+        return inverse_kinematics.pose(self, target, [seed, self.home], tol)
+
+    def inverse_kinematics_path(
+        self, xs: ArrayLike, q_seed: ArrayLike | None = None, tol: float = 1e-9, *, check_limits: bool = True
+    ) -> Array:
+        """Joint angles (N, n) [rad] along the task poses xs (N, 6), each sample continuing the one before.
+
+        Raises PlanningError naming sample and pose where the path is lost (a singular pose, out of reach,
+        samples too far apart) or, with check_limits, where it leaves the joint limits.
+        """
+        targets = self._task("xs", xs, 2)
+        first = self.inverse_kinematics(targets[0], q_seed, tol)
+        return inverse_kinematics.path(self, targets, first, tol, check_limits=check_limits)
+
+    def task_jacobian(self, q: ArrayLike) -> tuple[Array, Array]:
+        """x (6,) and J (6, n) of joint angles q (n,) [rad]."""
+        self.plant.SetPositions(self._context, self._joints("q", q))
+        x, _, _, J = self._pose_and_jacobian()
+        return x, J
+
+    # Inputs
+
+    def _set_state(self, q: ArrayLike, qd: ArrayLike) -> Array:
+        speeds = self._joints("qd", qd)
+        self.plant.SetPositions(self._context, self._joints("q", q))
+        self.plant.SetVelocities(self._context, speeds)
+        return speeds
+
+    def _joints(self, name: str, value: ArrayLike) -> Array:
+        vector = np.asarray(value)
+        if vector.shape != (self.n_joints,):
+            raise ScenarioError(
+                f"{name} has shape {vector.shape}; valid is ({self.n_joints},): {' '.join(self.joint_names)}"
+            )
+        return vector
+
+    def _task(self, name: str, value: ArrayLike, dimensions: int) -> Array:
+        poses = np.array(value, dtype=float)
+        if poses.ndim != dimensions or poses.shape[-1] != len(AXES) or not len(poses):
+            shape = "(6,)" if dimensions == 1 else "(N, 6)"
+            raise ScenarioError(f"{name} has shape {poses.shape}; valid is {shape}, {', '.join(AXES)}")
+        if not np.isfinite(poses).all():
+            raise ScenarioError(f"{name} has entries that are not finite; valid are numbers in m and rad")
+        return poses

@@ -1,0 +1,161 @@
+"""The parts of a scenario: arm with its spatula, block and table, for planner, controller, cell and pictures alike."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydrake.geometry import GeometrySet
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import BodyIndex, RigidBody, SpatialInertia
+
+from flipdiagram.errors import ScenarioError
+from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.assembly import ArmHandles, add_arm
+from flipdiagram.robot.model_files import block_sdf, spatula_urdf, table_sdf
+from flipdiagram.robot.own_files import ArmFile
+from flipdiagram.scenario.cell import OWN_ARM
+from flipdiagram.scenario.scenario import Scenario
+
+MASS_TOLERANCE = 0.01
+"""Relative difference allowed between the mass of an object's file and the scenario's."""
+PAYLOAD_RADIUS = 0.03
+"""Radius [m] of the sphere that stands for an unknown payload."""
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What `add_parts` put into a plant."""
+
+    arm: ArmHandles
+    block: RigidBody
+    table: RigidBody
+
+
+def arm_of(scenario: Scenario) -> ArmModel:
+    """The arm as controller and planner know it: no block, no friction; control point at the object's centre."""
+    return ArmModel(**_arm_options(scenario))
+
+
+def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
+    """Add arm, spatula, block and table to a plant that is not finalized; raises ScenarioError for a bad number."""
+    arm = add_arm(plant, **_arm_options(scenario))
+    if scenario.disturbance.payload > 0:
+        _add_payload(plant, arm, scenario.disturbance.payload)
+    thing, physics = scenario.object, scenario.simulation
+    block = block_sdf(
+        size=(thing.width, thing.length, thing.thickness),
+        mass=thing.mass * scenario.disturbance.object_mass_scale,
+        friction=thing.friction,
+        hydroelastic_modulus=physics.hydroelastic_modulus,
+        hunt_crossley_dissipation=physics.dissipation,
+    )
+    block_body = _add_own_object(plant, scenario) if thing.file else _only_body(plant, block)
+    (table_model,) = Parser(plant).AddModelsFromString(table_sdf(friction=scenario.table.friction), "sdf")
+    table = plant.GetBodyByName("table", table_model)
+    height = scenario.table.height + scenario.disturbance.table_error
+    top: Any = np.array([scenario.task.start_x, scenario.task.target_y, height])
+    plant.WeldFrames(plant.world_frame(), table.body_frame(), RigidTransform(top))
+    _leave_out_collisions(plant, arm)
+    return Parts(arm, block_body, table)
+
+
+def _only_body(plant: MultibodyPlant, sdf: str) -> RigidBody:
+    (model,) = Parser(plant).AddModelsFromString(sdf, "sdf")
+    return plant.get_body(plant.GetBodyIndices(model)[0])
+
+
+def _add_own_object(plant: MultibodyPlant, scenario: Scenario) -> RigidBody:
+    """The object of the user's own file, whose mass the planner must know."""
+    file, thing = str(scenario.object.file), scenario.object
+    try:
+        (model,) = Parser(plant).AddModels(file)
+    except (RuntimeError, ValueError) as error:
+        raise ScenarioError(f"object.file = '{file}' cannot be read: {error}") from None
+    bodies = [plant.get_body(i) for i in plant.GetBodyIndices(model)]
+    if len(bodies) != 1:
+        raise ScenarioError(f"object.file = '{file}' has {len(bodies)} bodies; valid is one")
+    mass = bodies[0].default_mass()
+    if abs(mass - thing.mass) > MASS_TOLERANCE * thing.mass:
+        raise ScenarioError(f"object.file = '{file}' weighs {mass:g} kg; valid is object.mass = {thing.mass:g} kg")
+    return bodies[0]
+
+
+def _leave_out_collisions(plant: MultibodyPlant, arm: ArmHandles) -> None:
+    """An own arm's collision shapes that its format could not leave out touch nothing."""
+    if not plant.geometry_source_is_registered():
+        return
+    bodies = [plant.get_body(i) for i in plant.GetBodyIndices(arm.arm)]
+    shapes = [g for body in bodies for g in plant.GetCollisionGeometriesForBody(body)]
+    if not shapes:
+        return
+    all_bodies = [plant.get_body(BodyIndex(i)) for i in range(plant.num_bodies())]
+    others = [g for body in all_bodies for g in plant.GetCollisionGeometriesForBody(body) if g not in shapes]
+    mine = GeometrySet(shapes)
+    for group in (("arm", mine), ("everything else", GeometrySet(others))):
+        plant.ExcludeCollisionGeometriesWithCollisionFilterGroupPair(("arm", mine), group)
+
+
+def base_in_plane(scenario: Scenario) -> tuple[float, float, float, float]:
+    """Pose (x, y, z, yaw) [m, rad] of the arm's base in the frame of the motion.
+
+    The motion is planned in a vertical plane that `task.yaw` turns about the vertical axis through the start.  In the
+    frame that turns with it the motion is the planar one, and the arm's base is turned the other way.
+    """
+    x, y, z, yaw = scenario.arm.base_pose
+    turn, task = scenario.task.yaw, scenario.task
+    if turn == 0:
+        return x, y, z, yaw
+    c, s = math.cos(-turn), math.sin(-turn)
+    dx, dy = x - task.start_x, y - task.start_y
+    return task.start_x + c * dx - s * dy, task.start_y + s * dx + c * dy, z, yaw - turn
+
+
+def _arm_file(scenario: Scenario) -> ArmFile | None:
+    arm = scenario.arm
+    if arm.file is None:
+        return None
+    per_joint = {name: getattr(arm, name) for name in OWN_ARM}
+    return ArmFile(arm.file, arm.base, arm.flange, arm.mount_angle, **per_joint)
+
+
+def _own_tool(file: str) -> str:
+    try:
+        return Path(file).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScenarioError(f"tool.file = '{file}' cannot be read: {error}") from None
+
+
+def _add_payload(plant: MultibodyPlant, arm: ArmHandles, mass: float) -> None:
+    """A solid sphere at the flange, without collision geometry: only its mass [kg] matters."""
+    payload = plant.AddRigidBody(
+        "payload", plant.AddModelInstance("payload"), SpatialInertia.SolidSphereWithMass(mass, PAYLOAD_RADIUS)
+    )
+    plant.WeldFrames(arm.flange, payload.body_frame())
+
+
+def _arm_options(scenario: Scenario) -> dict[str, Any]:
+    arm, tool = scenario.arm, scenario.tool
+    spatula = _own_tool(tool.file) if tool.file else spatula_urdf(
+        blade_size=(tool.blade_length, tool.blade_width, tool.blade_thickness),
+        tool_length=tool.reach,
+        mass=tool.mass,
+        friction=scenario.object.friction,
+    )
+    return {
+        "tool_height": scenario.object.thickness / 2,
+        "link_inertia_scale": arm.link_inertia_scale,
+        "reflected_inertia_scale": arm.reflected_inertia_scale,
+        "speed_scale": arm.speed_scale,
+        "torque_scale": arm.torque_scale,
+        "link_inertia_scales": arm.link_inertia_scales,
+        "reflected_inertia_scales": arm.reflected_inertia_scales,
+        "arm": _arm_file(scenario),
+        "spatula": spatula,
+        "base_pose": base_in_plane(scenario),
+    }

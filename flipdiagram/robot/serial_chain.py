@@ -1,0 +1,91 @@
+"""An arm's chain of revolute joints as arrays, read from its plant: for loops that do without Drake's objects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.multibody.tree import BodyIndex, RevoluteJoint
+
+from flipdiagram.robot.arm import ArmModel
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SerialChain:
+    """Joints and links at q = 0, in the order of the arm's joints, all in the base frame [m, kg, rad].
+
+    Joint i turns about `axes[i]` through `points[i]`; what it carries as far as the next joint has the mass `mass[i]`
+    at `centres[i]`, with `inertias[i]` (3, 3) about it.  C is at `tip`, rotation `tip_turn` (3, 3).
+    """
+
+    axes: Floats
+    points: Floats
+    mass: Floats
+    centres: Floats
+    inertias: Floats
+    rotor: Floats
+    """Reflected inertia of each joint [kg m²]."""
+    damping: Floats
+    """Viscous friction of each joint that the plant has itself [N m s]."""
+    tip: Floats
+    tip_turn: Floats
+    gravity: float
+    """g_z [m/s²]."""
+
+
+def serial_chain(arm: ArmModel) -> SerialChain | None:
+    """The chain of an arm; None where it is none: branches, joints that slide, joints out of order, tilted gravity."""
+    plant, handles = arm.plant, arm.handles
+    joints = [plant.GetJointByName(name, handles.arm) for name in arm.joint_names]
+    gravity = np.asarray(plant.gravity_field().gravity_vector())
+    if not all(isinstance(joint, RevoluteJoint) for joint in joints) or np.any(gravity[:2]):
+        return None
+    carried = [{int(i) for i in plant.GetBodiesKinematicallyAffectedBy([joint.index()])} for joint in joints]
+    last = int(handles.control_point.body().index())
+    nested = all(after < before for before, after in zip(carried, carried[1:], strict=False))
+    if not nested or last not in carried[-1]:
+        return None
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, np.zeros(plant.num_positions()))
+    frames = [joint.frame_on_parent().CalcPoseInWorld(context) for joint in joints]
+    links = [bodies - rest for bodies, rest in zip(carried, [*carried[1:], set()], strict=True)]
+    lumps = [_lump(plant, context, link) for link in links]
+    rotor = np.zeros(len(joints))
+    for i, joint in enumerate(joints):
+        for index in plant.GetJointActuatorIndices():
+            if plant.get_joint_actuator(index).joint().index() == joint.index():
+                rotor[i] += plant.get_joint_actuator(index).default_reflected_inertia()
+    X_WC = plant.get_frame(handles.control_point.index()).CalcPoseInWorld(context)
+    return SerialChain(
+        axes=_rows(X.rotation().matrix() @ joint.revolute_axis() for X, joint in zip(frames, joints, strict=True)),
+        points=_rows(X.translation() for X in frames),
+        mass=np.array([mass for mass, _, _ in lumps]),
+        centres=_rows(centre for _, centre, _ in lumps),
+        inertias=_rows(inertia for _, _, inertia in lumps),
+        rotor=rotor,
+        damping=np.array([float(joint.default_damping()) for joint in joints]),
+        tip=np.array(X_WC.translation(), dtype=float),
+        tip_turn=np.ascontiguousarray(X_WC.rotation().matrix(), dtype=float),
+        gravity=float(gravity[2]),
+    )
+
+
+def _rows(arrays: Any) -> Floats:
+    return np.ascontiguousarray(np.stack([np.asarray(array, dtype=float) for array in arrays]))
+
+
+def _lump(plant: Any, context: Any, bodies: set[int]) -> tuple[float, Floats, Floats]:
+    """Mass, centre and inertia about it of bodies that move as one."""
+    mass, moment, about_origin = 0.0, np.zeros(3), np.zeros((3, 3))
+    for body in (plant.get_body(BodyIndex(index)) for index in sorted(bodies)):
+        X = body.EvalPoseInWorld(context)
+        M = body.CalcSpatialInertiaInBodyFrame(context).ReExpress(X.rotation()).Shift(-X.translation())
+        mass += M.get_mass()
+        moment += M.CalcComMoment()
+        about_origin += M.CalcRotationalInertia().CopyToFullMatrix3()
+    centre = moment / mass if mass > 0 else moment
+    return mass, centre, about_origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))

@@ -1,0 +1,133 @@
+"""The sections of a scenario that describe things: arm, joint friction, tool, object, table, unknown disturbances.
+
+The sources of the defaults are marked as in `scenario.py`: (p) the paper; (H) (M) (L) confidence in published data;
+(o) our own choice.
+"""
+
+from __future__ import annotations
+
+from pydantic import Field, model_validator
+
+from flipdiagram.scenario.text import Section, invalid, quantity
+
+OWN_ARM = ("home", "torque_limits", "speed_limits", "reflected_inertia")
+"""Fields of `Arm` with one number per joint of the user's own arm."""
+JOINTS = ("S", "L", "U", "R", "B", "T")
+
+
+class Arm(Section):
+    """The robot: Motoman MH3F, geometry and limits from urdf/mh3f.urdf, or one of the user's own."""
+
+    file: str | None = Field(None, description="URDF, SDF or MJCF (.xml) of another arm; null: the MH3F")
+    base: str = Field("base", description="link or frame of that file that stands on the ground")
+    flange: str = Field("flange", description="link or frame that carries the spatula, its z axis pointing out")
+    base_pose: tuple[float, float, float, float] = quantity(
+        (0.0, 0.0, 0.0, 0.0), "m, m, m, rad", "x, y, z and yaw of the arm's base"
+    )
+    mount_angle: float = quantity(0.0, "rad", "turn of the spatula about the flange's z axis; another arm only")
+    home: tuple[float, ...] | None = quantity(
+        None, "rad", "joint angles near the start pose; null: the file's, or searched; another arm only"
+    )
+    torque_limits: tuple[float, ...] | None = quantity(
+        None, "N m", "peak torque of each joint; null: the file's; another arm only"
+    )
+    speed_limits: tuple[float, ...] | None = quantity(
+        None, "rad/s", "largest speed of each joint; null: the file's; another arm only"
+    )
+    reflected_inertia: tuple[float, ...] | None = quantity(
+        None, "kg m2", "rotor and gear of each joint, seen at the joint; null: the file's; another arm only"
+    )
+    link_inertia_scale: float = quantity(1.0, "1", "factor on every link's mass and inertia (our estimates)", gt=0)
+    reflected_inertia_scale: float = quantity(
+        2.0,
+        "1",
+        "factor on the reflected rotor inertias; 2 counts the harmonic drives as much as the rotors (L)",
+        ge=0,
+    )
+    link_inertia_scales: tuple[float, ...] | None = quantity(
+        None, "1", "a further factor on mass and inertia of each moving link, one per joint; null: 1 each"
+    )
+    reflected_inertia_scales: tuple[float, ...] | None = quantity(
+        None, "1", "a further factor on each reflected rotor inertia, one per joint; null: 1 each"
+    )
+    speed_scale: float = quantity(1.0, "1", "factor on the joint speed limits", gt=0)
+    torque_scale: float = quantity(1.0, "1", "factor on the joint torque limits (peak = 3 x rated)", gt=0)
+
+    @model_validator(mode="after")
+    def _above_zero(self) -> Arm:
+        for name in (
+            "link_inertia_scales", "reflected_inertia_scales", "torque_limits", "speed_limits", "reflected_inertia"
+        ):  # fmt: skip
+            values = getattr(self, name)
+            if values is not None and (not values or min(values) <= 0):
+                raise invalid(name, values, "a number above 0 for each joint, or null")
+        if self.file is None:
+            for name in ("base", "flange", "mount_angle", *OWN_ARM):
+                if getattr(self, name) != type(self).model_fields[name].default:
+                    raise invalid(name, getattr(self, name), "the default unless arm.file names another arm")
+        return self
+
+
+class JointFriction(Section):
+    """Friction of the joints, unknown to the controller; levels as fractions of each joint's rated torque.
+
+    Harmonic drives of this size lose 5-20 % of the rated torque to Coulomb friction; 10 % is the middle (o).
+    """
+
+    coulomb: float = quantity(0.10, "rated torque", "Coulomb friction, fraction of rated torque", ge=0)
+    viscous: float = quantity(0.033, "rated torque per rad/s", "viscous friction, fraction of rated torque", ge=0)
+    transition_velocity: float = quantity(
+        0.06, "rad/s", "velocity over which the Coulomb friction changes sign (tanh)", gt=0
+    )
+
+
+class Tool(Section):
+    """The spatula: a thin rigid blade; its centre lies `reach` from the flange."""
+
+    reach: float = quantity(0.14, "m", "flange to blade centre (H)", gt=0)
+    blade_length: float = quantity(0.10, "m", "blade along the handle (o)", gt=0)
+    blade_width: float = quantity(0.09, "m", "blade across the handle, along the tangent s (o)", gt=0)
+    blade_thickness: float = quantity(0.002, "m", "blade thickness (o)", gt=0)
+    mass: float = quantity(0.15, "kg", "blade and handle (o)", gt=0)
+    file: str | None = Field(
+        None,
+        description="URDF or SDF of another tool: one body, a frame 'tool' at the centre of its blade's top surface,"
+        " x along the handle, z the normal; the blade's numbers here must match; null: the spatula",
+    )
+
+
+class Object(Section):
+    """The rubber block that stands for the pancake."""
+
+    length: float = quantity(0.065, "m", "along the tangent s of the tool (p)", gt=0)
+    width: float = quantity(0.062, "m", "along the handle (p)", gt=0)
+    thickness: float = quantity(0.010, "m", "along the normal n (p)", gt=0)
+    mass: float = quantity(0.061, "kg", "mass (p)", gt=0)
+    friction: float = quantity(1.86, "1", "static friction coefficient on the blade (p)", gt=0)
+    file: str | None = Field(
+        None,
+        description="URDF or SDF of another object: one body of this mass, its frame at the centre of a box of this"
+        " size, x along the width; null: the block",
+    )
+
+
+class Table(Section):
+    """The plane on which the block lands."""
+
+    height: float = quantity(0.20, "m", "height of its surface above the robot's base (o)", ge=-1, le=2)
+    friction: float = quantity(
+        0.7, "1", "friction coefficient of its surface, combined with another one as 2 a b / (a + b) (o)", gt=0
+    )
+
+
+class Disturbance(Section):
+    """What neither the planner nor the controller knows, beyond gravity and joint friction."""
+
+    payload: float = quantity(0.0, "kg", "unknown mass at the flange (o)", ge=0)
+    push: tuple[float, float] = quantity((0.0, 0.0), "N", "force on the spatula along y and z (o)")
+    push_time: float = quantity(0.1, "s", "when it begins, after the start of the motion", ge=0)
+    push_duration: float = quantity(0.05, "s", "how long it lasts", gt=0)
+    object_mass_scale: float = quantity(1.0, "1", "the object's mass over the one that was planned for", gt=0)
+    start_error: float = quantity(0.0, "m", "arm and object stand this far off on y from the planned start")
+    block_offset: float = quantity(0.0, "m", "the object lies this far from the middle of the blade along s")
+    table_error: float = quantity(0.0, "m", "the table is this much higher than planned")

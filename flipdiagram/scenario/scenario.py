@@ -1,0 +1,277 @@
+"""Everything a run depends on, typed, with units and bounds; the defaults are the paper's table.
+
+A `Scenario` is immutable.  `Scenario()` is the default, `load` reads a YAML file that may be partial (a delta
+on the defaults), `with_overrides` changes single fields by path.  Every bad value ends in a one-line
+`ScenarioError`; only the classes called directly raise pydantic's own ValidationError.
+
+Sources of the defaults: (p) the paper; (H) (M) (L) high, medium, low confidence, from published data on the
+arm and its drives; (o) our own choice, explained where it is set.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, model_validator
+
+from flipdiagram.errors import ScenarioError
+from flipdiagram.scenario import text as scenario_io
+from flipdiagram.scenario.cell import JOINTS, Arm, Disturbance, JointFriction, Object, Table, Tool
+from flipdiagram.scenario.one_dof import Frequency, OneDof, check_nyquist
+from flipdiagram.scenario.place import Place
+from flipdiagram.scenario.text import Section, invalid, quantity
+
+FILES = ("arm.file", "tool.file", "object.file")
+"""Fields that name a model file."""
+ARCHITECTURES = ("pd", "pd+ff", "pd+dob", "pd+ff+dob")
+Architecture = Literal["pd", "pd+ff", "pd+dob", "pd+ff+dob"]
+
+
+class Task(Section):
+    """Where the motion starts and where the block shall land; base frame, x forward, y left, z up."""
+
+    start_x: float = quantity(0.5, "m", "the plane of the motion (H)")
+    start_y: float = quantity(0.0, "m", "start of the object (p: 0 to 0.14)")
+    start_z: float = quantity(0.35, "m", "start of the object (H)")
+    target_y: float = quantity(0.0, "m", "origin of y in the cost (5); the block shall land here (p)")
+    yaw: float = quantity(
+        0.0, "rad", "turn of the plane of motion, blade included, about the vertical axis through the start",
+        ge=-math.pi, le=math.pi,
+    )  # fmt: skip
+    workspace_x: tuple[float, float] = quantity((0.35, 0.6), "m", "range of the plane of motion")
+    workspace_y: tuple[float, float] = quantity((-0.35, 0.35), "m", "range of the object while on the tool")
+    workspace_z: tuple[float, float] = quantity((0.15, 0.65), "m", "range of the object while on the tool")
+
+    @model_validator(mode="after")
+    def _start_inside(self) -> Task:
+        for axis in "xyz":
+            low, high = getattr(self, f"workspace_{axis}")
+            value = getattr(self, f"start_{axis}")
+            if not low < high:
+                raise invalid(f"workspace_{axis}", (low, high), "low and high with low < high [m]")
+            if not low <= value <= high:
+                raise invalid(f"start_{axis}", value, f"inside the workspace, {low} to {high} [m]")
+        if not self.workspace_y[0] <= self.target_y <= self.workspace_y[1]:
+            low, high = self.workspace_y
+            raise invalid("target_y", self.target_y, f"inside the workspace, {low} to {high} [m]")
+        return self
+
+
+class Planner(Section):
+    """The MPC of section II-A: cost (5), horizon, and the margins of each constraint."""
+
+    alpha: float = quantity(20.0, "1/m2", "weight of the landing place in (5) (p)", ge=0)
+    beta: float = quantity(0.5, "s2/m2", "weight of the landing velocity in (5) (p)", ge=0)
+    sampling_time: float = quantity(0.02, "s", "sampling time ΔT of the prediction model (2) (o)", gt=0)
+    contact_samples: tuple[int, int] = quantity((10, 30), "samples", "contact samples searched, (fewest, most) (o)")
+    flight_samples: tuple[int, int] = quantity((4, 20), "samples", "flight samples searched, (fewest, most) (o)")
+    brake_samples: int = quantity(12, "samples", "samples in which the tool brakes after the release (o)", ge=2)
+    release_angle: float = quantity(0.05, "rad", "how far beyond π/2 the tool must turn before it releases", ge=0)
+    friction_margin: float = quantity(
+        0.2, "1", "fraction of the friction coefficient not used by the plan; below 0: more than there is", gt=-2, lt=1
+    )
+    minimum_normal: float = quantity(1.0, "m/s2", "least normal force per mass while in contact", ge=0)
+    support_margin: float = quantity(
+        0.2, "1", "fraction of the half-length the centre of pressure stays away", ge=0, lt=1
+    )
+    position_margin: float = quantity(0.05, "rad", "distance to the joint position limits", ge=0)
+    speed_margin: float = quantity(0.05, "1", "fraction of the joint speeds not used by the plan", ge=0, lt=1)
+    torque_margin: float = quantity(0.2, "1", "fraction of the joint torques left to the feedback", ge=0, lt=1)
+    separation_acceleration: float = quantity(5.0, "m/s2", "least acceleration of the blade away from the block", gt=0)
+    separation_gap: float = quantity(0.01, "m", "gap between blade and block once separated", gt=0)
+    table_clearance: float = quantity(0.01, "m", "least distance of blade and table", ge=0)
+    smoothing: float = quantity(
+        1e-6, "s5/m2", "weight of the integral of squared jerk, keeps the solution unique and smooth", gt=0
+    )
+    search_tolerance: float = quantity(
+        0.01, "1", "a shorter contact phase is preferred if its J is within this fraction of the best", ge=0
+    )
+    max_iterations: int = quantity(30, "1", "most re-linearisations per horizon", ge=1)
+    angle_tolerance: float = quantity(1e-4, "rad", "θ has settled when no sample moves more than this", gt=0)
+    replan_period: float | None = quantity(
+        None, "s", "how often the rest of the motion is planned again; null: planned once, before it starts", gt=0
+    )
+    replan_from: Literal["measured", "commanded"] = Field(
+        "measured", description="state of the tool from which it is planned again"
+    )
+    replan_iterations: int = quantity(4, "1", "most linearisations per replanning", ge=1)
+    replan_search: int = quantity(
+        0, "samples", "by which a new plan may have more or fewer contact and flight samples than the last", ge=0, le=5
+    )
+    compute_delay: float = quantity(0.01, "s", "after which a new plan takes effect", ge=0)
+    replan_deadline: float | None = quantity(
+        None, "s", "a plan that took longer is dropped; null: none is (else results depend on the machine)", gt=0
+    )
+    blend_time: float = quantity(0.2, "s", "in which the command passes over to a new plan", gt=0)
+    solver: Literal["clarabel", "osqp", "scs", "ipopt", "snopt", "mosek", "gurobi", "daqp"] = Field(
+        "clarabel",
+        description="solver behind MathematicalProgram; daqp: the condensed program, of the extra `fast`",
+    )
+
+    @model_validator(mode="after")
+    def _ranges(self) -> Planner:
+        for name, low_limit, high_limit in (("contact_samples", 2, 400), ("flight_samples", 1, 400)):
+            low, high = getattr(self, name)
+            if not low_limit <= low <= high <= high_limit:
+                valid = f"fewest and most with {low_limit} <= fewest <= most <= {high_limit} [samples]"
+                raise invalid(name, (low, high), valid)
+        return self
+
+
+class Controller(Section):
+    """Fig. 4: gains per channel and the observer."""
+
+    period: float = quantity(0.001, "s", "sampling time of the controller (p)", gt=0)
+    k_p: float = quantity(350.0, "1/s2", "position gain (p)", ge=0)
+    k_v: float = quantity(120.0, "1/s", "velocity gain (p)", ge=0)
+    g_dis: float = quantity(12.6, "rad/s", "cut-off of the disturbance observer (p)", gt=0)
+    nominal_inertia: tuple[float, ...] | None = quantity(
+        None, "kg m2", "diagonal of M_n per joint; null: the diagonal of M(q) at the start pose (o)"
+    )
+    nominal_inertia_scale: float = quantity(1.0, "1", "factor on M_n, to study its error", gt=0)
+    gravity_compensation: float = quantity(
+        0.0, "1", "fraction of the arm's gravity torque that is fed forward; 0 as in the paper: no such box", ge=0
+    )
+
+    @model_validator(mode="after")
+    def _positive_inertia(self) -> Controller:
+        values = self.nominal_inertia
+        if values is not None and (not values or min(values) <= 0):
+            valid = "a number above 0 [kg m2] for each joint, or null"
+            raise invalid("nominal_inertia", values, valid)
+        return self
+
+
+class Sensors(Section):
+    """What the controller sees of the joints."""
+
+    encoder_resolution: float = quantity(0.0, "rad", "quantisation of the joint angles; 0: none", ge=0)
+    velocity_cutoff: float | None = quantity(
+        None, "rad/s", "g_v of the pseudo-derivative g_v s/(s + g_v); null: exact velocity", gt=0
+    )
+    camera_period: float | None = quantity(
+        None, "s", "how often a camera sees where the object lies on the blade; null: no camera", gt=0
+    )
+    camera_delay: float = quantity(0.02, "s", "age of what it reports", ge=0)
+    camera_noise: float = quantity(0.0005, "m", "standard deviation of what it reports", ge=0)
+    camera_seed: int = quantity(0, "1", "seed of that noise", ge=0)
+    delay: int = quantity(0, "periods", "delay of q and qd, in periods of the controller", ge=0, le=1000)
+    position_noise: float = quantity(
+        0.0, "rad", "standard deviation of the noise of the joint angles, drawn anew each period; 0: none", ge=0
+    )
+    velocity_noise: float = quantity(
+        0.0, "rad/s", "the same of the joint velocities, measured or derived", ge=0
+    )
+    noise_seed: int = quantity(0, "1", "seed of both", ge=0)
+
+
+class Simulation(Section):
+    """The physics and how long it runs."""
+
+    contact_model: Literal["hydroelastic", "point", "hydroelastic_with_fallback"] = Field(
+        "hydroelastic_with_fallback", description="contact model of the cell"
+    )
+    contact_approximation: Literal["sap", "lagged", "similar", "tamsi"] = Field(
+        "similar",
+        description="discrete contact approximation of the plant (lagged loses friction at a patch edge)",
+    )
+    step: float = quantity(0.001, "s", "time step of the plant; the controller period over a power of two", gt=0)
+    hydroelastic_modulus: float = quantity(1e6, "Pa", "stiffness of the rubber block (o)", gt=0)
+    dissipation: float = quantity(20.0, "s/m", "Hunt-Crossley dissipation of the block (o)", ge=0)
+    hold_time: float = quantity(2.0, "s", "hold at the start until the observer has settled (o)", ge=0)
+    settle_time: float = quantity(0.4, "s", "simulated after the plan has ended and the block should lie", ge=0)
+
+
+class Scenario(Section):
+    """One run of the flip, complete; see the module's docstring for the sources of the defaults."""
+
+    arm: Arm = Arm()
+    joint_friction: JointFriction = JointFriction()
+    tool: Tool = Tool()
+    object: Object = Object()
+    table: Table = Table()
+    disturbance: Disturbance = Disturbance()
+    task: Task = Task()
+    planner: Planner = Planner()
+    controller: Controller = Controller()
+    sensors: Sensors = Sensors()
+    simulation: Simulation = Simulation()
+    place: Place = Place()
+    one_dof: OneDof = OneDof()
+    frequency: Frequency = Frequency()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Scenario:
+        values = self.controller.nominal_inertia
+        if self.arm.file is None and values is not None and len(values) != len(JOINTS):
+            valid = f"a number above 0 [kg m2] for each joint {' '.join(JOINTS)}, or null"
+            raise invalid("controller.nominal_inertia", values, valid)
+        check_nyquist(self.one_dof, self.frequency)
+        ratio = self.controller.period / self.simulation.step
+        if ratio < 1 or not math.log2(ratio).is_integer():
+            # other ratios make Drake split one instant into two ordered events
+            valid = f"controller.period = {self.controller.period} [s] divided by 1, 2, 4, 8, …"
+            raise invalid("simulation.step", self.simulation.step, valid)
+        for edge, side in (("length", "blade_width"), ("width", "blade_length")):
+            most = getattr(self.tool, side)
+            if getattr(self.object, edge) > most:
+                raise invalid(f"object.{edge}", getattr(self.object, edge), f"at most tool.{side} = {most} [m]")
+        return self
+
+    def with_overrides(self, overrides: Mapping[str, Any]) -> Scenario:
+        """A copy with fields changed by path, {"controller.k_p": 400.0}; ScenarioError for a bad one."""
+        return scenario_io.override(Scenario, self.model_dump(), overrides)
+
+    def between(self, start: tuple[float, float], target: tuple[float, float]) -> Scenario:
+        """A copy whose object starts at (x, y) [m] over the table and shall land at another (x, y): a motion in 3-D.
+
+        The plane of motion is turned so that it holds both.  Recordings are in the frame that turns with it, its y
+        along the plane; the start has the same numbers in both frames.
+        """
+        dx, dy = target[0] - start[0], target[1] - start[1]
+        sign = -1.0 if dy < 0 else 1.0
+        yaw = math.atan2(-sign * dx, sign * dy) if math.hypot(dx, dy) > 1e-6 else 0.0
+        fields = {"task.start_x": start[0], "task.start_y": start[1], "task.yaw": yaw}
+        return self.with_overrides(fields | {"task.target_y": start[1] + sign * math.hypot(dx, dy)})
+
+    def to_yaml(self, comments: bool = False) -> str:
+        """YAML that `from_yaml` reads back exactly; with comments, each field's text and unit."""
+        return scenario_io.dump(self, comments)
+
+
+def field_paths() -> list[str]:
+    """All field paths of a Scenario in order: 'arm.link_inertia_scale', …"""
+    return scenario_io.field_paths(Scenario)
+
+
+def from_mapping(data: Mapping[str, Any]) -> Scenario:
+    """A Scenario from nested mappings, absent fields at their defaults; ScenarioError for a bad one."""
+    return scenario_io.validate(Scenario, data)
+
+
+def from_yaml(text: str, source: str = "scenario") -> Scenario:
+    """A Scenario from YAML text; ScenarioError where it is not YAML, no mapping, or a field is bad."""
+    return from_mapping(scenario_io.parse_mapping(text, source))
+
+
+def load(path: str | os.PathLike[str]) -> Scenario:
+    """Read a scenario file; model files that it names are looked for beside it first.
+
+    Raises ScenarioError naming the file where it cannot be read.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise ScenarioError(f"scenario file {str(path)!r} cannot be read: {reason}; valid is a YAML file") from None
+    scenario, changes = from_yaml(text, f"scenario file {str(path)!r}"), {}
+    for field in FILES:
+        section, name = field.split(".")
+        beside = Path(path).parent / str(getattr(getattr(scenario, section), name))
+        if beside.is_file():  # files are named from where the scenario stands, else from where the command runs
+            changes[field] = str(beside)
+    return scenario.with_overrides(changes) if changes else scenario

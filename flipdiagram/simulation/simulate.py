@@ -1,0 +1,137 @@
+"""The only user of Simulator: runs a loop and returns its recording."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context
+
+from flipdiagram.blocks.receding_horizon import RecedingHorizonController
+from flipdiagram.diagrams.loop import Loop, build_loop
+from flipdiagram.diagrams.replacement import Box
+from flipdiagram.errors import ScenarioError, SimulationError
+from flipdiagram.planning.command import Command
+from flipdiagram.planning.plan import Plan
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.simulation.margins import with_margins
+from flipdiagram.simulation.recording import Recording, assemble
+
+CHUNK = 0.1
+"""Simulated seconds between two looks at progress and divergence."""
+FRAME = 0.02
+"""The same where somebody watches."""
+ROUNDING = 1e-6
+"""Seconds below which two ends of a motion are one."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One simulated flip: its recording, the plan it followed, and simulated over wall time of the simulation alone."""
+
+    recording: Recording
+    plan: Plan
+    real_time_factor: float
+
+
+def simulate(
+    scenario: Scenario,
+    architecture: str = "pd+ff+dob",
+    plan: Plan | None = None,
+    progress: Callable[[float], None] | None = None,
+    loop: Loop | None = None,
+    replace: Mapping[str, Box] | None = None,
+    pace: Callable[[float], None] | None = None,
+) -> Run:
+    """Hold, motion, release, touch-down and settling of one flip.
+
+    plan: the motion to follow; without one the MPC plans when the run starts.  progress: called with the fraction
+    done.  loop: one built with record=True for the same scenario and architecture, to be used again.  replace: boxes of
+    the user's own, as for `build_loop`.  pace: called with the simulated time every `FRAME`,
+    to hold the simulation back.  Raises ScenarioError for a bad scenario, PlanningError
+    where there is no motion, SimulationError where the simulation diverges.
+    """
+    if loop is None:
+        loop = build_loop(scenario, architecture, record=True, replace=replace)
+    _check_loop(loop, scenario, architecture, replace)
+    context = loop.context(plan)
+    simulator = Simulator(loop.diagram, context)
+    simulator.Initialize()
+    plan = loop.mpc.plan(loop.mpc.GetMyContextFromRoot(context))
+    assert plan is not None, "the MPC's initialisation sets a plan"
+    end = _end(scenario, plan)
+    begin = time.perf_counter()
+    length = CHUNK if pace is None else FRAME
+    until, chunk = 0.0, 0
+    while until < end:
+        chunk += 1
+        until = min(chunk * length, end)
+        _advance(simulator, until)
+        if progress is not None:
+            progress(until / end)
+        if pace is not None:
+            pace(until)
+        later = _end(scenario, _followed(loop, context, plan))
+        end = later if later > end + ROUNDING else end  # a plan made again may take longer
+    elapsed = time.perf_counter() - begin
+    return Run(_read(loop, context, _followed(loop, context, plan)), plan, end / elapsed)
+
+
+def _end(scenario: Scenario, followed: Plan | Command) -> float:
+    """When the simulation of a motion ends [s], counted from its own start."""
+    settings = scenario.simulation
+    return settings.hold_time + max(followed.end_time, followed.touchdown_time) + settings.settle_time
+
+
+def _followed(loop: Loop, context: Context, plan: Plan) -> Plan | Command:
+    """The newest command of an MPC that plans again, else the plan."""
+    if not isinstance(loop.mpc, RecedingHorizonController):
+        return plan
+    return loop.mpc.last_command(loop.mpc.GetMyContextFromRoot(context)) or plan
+
+
+def _check_loop(loop: Loop, scenario: Scenario, architecture: str, replace: Mapping[str, Box] | None) -> None:
+    if loop.architecture != architecture:
+        raise ScenarioError(f"loop is one of '{loop.architecture}'; valid is one of '{architecture}'")
+    if loop.scenario != scenario:
+        raise ScenarioError("loop was built for another scenario; valid is one for the scenario that is simulated")
+    if not loop.logs:
+        raise ScenarioError("loop records nothing; valid is one of build_loop(..., record=True)")
+    if replace and set(replace) != set(loop.replaced):
+        raise ScenarioError(f"loop has {list(loop.replaced)} replaced; valid is {list(replace)}, or no `loop`")
+
+
+def _advance(simulator: Simulator, until: float) -> None:
+    try:
+        simulator.AdvanceTo(until)
+    except RuntimeError as error:
+        reason = str(error).splitlines()[0]
+        raise SimulationError(f"the simulation diverged before {until:.3f} s: {reason}") from None
+    state = simulator.get_context().get_discrete_state(0).value()
+    if not np.all(np.isfinite(state)):
+        raise SimulationError(f"the simulation diverged before {until:.3f} s: the state is not finite")
+
+
+def _read(loop: Loop, context: Context, plan: Plan | Command) -> Recording:
+    logs = {name: sink.FindLog(context) for name, sink in loop.logs.items()}
+    signals = {name: log.data() for name, log in logs.items()}
+    state, plant, parts = signals.pop("state"), loop.cell.plant, loop.cell.parts
+    positions, velocities = state[: plant.num_positions()], state[plant.num_positions() :]
+    at = np.arange(plant.num_positions(), dtype=float)
+    signals["q"] = positions[plant.GetPositionsFromArray(parts.arm.arm, at).astype(int)]
+    at = np.arange(plant.num_velocities(), dtype=float)
+    signals["qd"] = velocities[plant.GetVelocitiesFromArray(parts.arm.arm, at).astype(int)]
+    first = parts.block.floating_positions_start()
+    signals["block_pose"] = positions[first : first + 7]
+    samples = state.shape[1]
+    # the log's own times carry the rounding of k·T; these are the same to the bit on every machine
+    settings = loop.scenario
+    period, hold = settings.controller.period, settings.simulation.hold_time
+    clock = (np.arange(samples) - hold / period) * period
+    wrench = signals.pop("contact_wrench")
+    signals["contact_force"] = wrench[:9]
+    data = with_margins(assemble(signals, clock, settings, loop.architecture, loop.arm, plan), wrench[9:].T, settings)
+    return data.assign_attrs(replaced=", ".join(loop.replaced)) if loop.replaced else data

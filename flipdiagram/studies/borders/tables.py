@@ -1,0 +1,52 @@
+"""The border maps and the variations of solver and estimates as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from flipdiagram.grid import Grid
+from flipdiagram.scenario.scenario import ARCHITECTURES
+
+Summary = Mapping[str, Any]
+
+
+def border_grid(summary: Summary) -> Grid | None:
+    """In how many cells of each map each architecture turns the block over; None without maps."""
+    rows = []
+    for drawn in summary["maps"]:
+        cells = len(drawn["x"]["values"]) * len(drawn["y"]["values"])
+        won = [sum(map(sum, drawn["architectures"][name]["success"])) for name in ARCHITECTURES]
+        rows.append([drawn["title"], f"{drawn['x']['label']} × {drawn['y']['label']}", str(cells), *map(str, won)])
+    if not rows:
+        return None
+    names = [f"`{name}`" for name in ARCHITECTURES]
+    return Grid(["map", "axes", "cells", *names], rows, right=["cells", *names])
+
+
+def variation_grid(summary: Summary) -> Grid | None:
+    """Each variation: who turned the block over, and how the numbers of the proposed controller move; None without."""
+    if not summary["variations"]:
+        return None
+    rows = []
+    for row in summary["variations"]:
+        runs = row["runs"]
+        verdicts = " ".join("yes" if runs[name]["success"] else "no" for name in ARCHITECTURES)
+        best = runs["pd+ff+dob"]
+        fragile = ", ".join(f"`{name}`" for name in row["fragile"]) or "–"
+        rows.append(
+            [
+                row["group"], row["name"], verdicts, _text(best["position_rmse_m"], 100, 2),
+                _text(best["acceleration_rmse_m_s2"], 1, 2), _text(best["max_slip_m"], 1000, 1),
+                _text(best["max_torque_joint_2_Nm"], 1, 1), fragile,
+            ]
+        )  # fmt: skip
+    headings = [
+        "group", "changed", "turned over (" + ", ".join(ARCHITECTURES) + ")", "position RMSE [cm]",
+        "acceleration RMSE [m/s²]", "slip [mm]", "joint 2 [N m]", "verdict differs for",
+    ]  # fmt: skip
+    return Grid(headings, rows, title="numbers of pd+ff+dob", right=headings[3:7])
+
+
+def _text(value: float | None, factor: float, digits: int) -> str:
+    return "–" if value is None else f"{factor * value:.{digits}f}"

@@ -1,0 +1,74 @@
+"""A second engine's verdict on the flips of the experiment: the recorded tool motion with the block in MuJoCo."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from flipdiagram.errors import FlipdiagramError
+from flipdiagram.flips.workers import Workers
+from flipdiagram.simulation import metrics
+from flipdiagram.simulation.mujoco import Settings, compare
+from flipdiagram.simulation.recording_files import load_recording
+
+VARIANTS: dict[str, Settings] = {
+    "default": Settings(),
+    "pyramidal cone": Settings(cone="pyramidal", impratio=1.0),
+    "soft contact": Settings(time_constant=0.01),
+    "step 0.25 ms": Settings(timestep=2.5e-4),
+    "MuJoCo's own defaults": Settings(
+        timestep=1e-3, cone="pyramidal", impratio=1.0, time_constant=0.02, impedance=0.9
+    ),
+}
+"""Contact settings; all recordings see the first, the first start sees all."""
+
+
+def second_engine(runs: Sequence[tuple[str, float, Path]], jobs: int | None = None) -> dict[str, Any] | None:
+    """Verdicts of Drake and MuJoCo on recordings given as (architecture, start [m], file); None without MuJoCo.
+
+    Returns {"settings", "runs": one entry a recording, "variants": verdicts of the first start by settings}.
+    """
+    if find_spec("mujoco") is None or not runs:
+        return None
+    first = min((start for _, start, _ in runs), key=abs)
+    tasks = [(path, Settings()) for _, _, path in runs]
+    varied = [
+        (name, variant, path)
+        for name, start, path in runs
+        for variant in list(VARIANTS)[1:]
+        if start == first
+    ]
+    tasks += [(path, VARIANTS[variant]) for _, variant, path in varied]
+    found: dict[int, dict[str, Any]] = {}
+    with Workers(jobs) as workers:
+        for index, verdict in workers.results(_verdict, tasks):
+            found[index] = verdict
+    entries = [found[k] for k in range(len(tasks))]
+    return {
+        "settings": Settings().settings_text(),
+        "runs": [
+            {"architecture": name, "start_y_m": start, **entry}
+            for (name, start, _), entry in zip(runs, entries, strict=False)
+        ],
+        "variants": [
+            {"architecture": name, "variant": variant, "settings": VARIANTS[variant].settings_text(), **entry}
+            for (name, variant, _), entry in zip(varied, entries[len(runs) :], strict=True)
+        ],
+    }
+
+
+def _verdict(path: Path, settings: Settings) -> dict[str, Any]:
+    recording = load_recording(path)
+    try:
+        found = compare(recording, settings)
+    except FlipdiagramError as error:
+        # Drake's verdict stands, and does not agree with one that there is not
+        lost = {"success": False, "failure": str(error), "max_slip_m": None, "touchdown": None}
+        success, failure = metrics.judge(recording)
+        landed, slip = metrics.touchdown(recording), metrics.slip_and_lift(recording)[0]
+        drake = {"success": success, "failure": failure, "max_slip_m": slip, "touchdown": landed and asdict(landed)}
+        return {"agree": False, "drake": drake, "mujoco": lost}
+    return {key: found[key] for key in ("agree", "drake", "mujoco")}

@@ -1,0 +1,255 @@
+"""The report from small summaries made by hand: every claim and number is there, and the page needs no other file."""
+
+import importlib
+import json
+import re
+
+import pytest
+from matplotlib.figure import Figure
+
+from flipdiagram.files import write_summary
+from flipdiagram.grid import Grid
+from flipdiagram.report.claims import all_claims, claims_grid
+from flipdiagram.report.findings import border_sentences, fragile_sentence, kind_of, lead_sentence
+from flipdiagram.report.html import self_contained
+from flipdiagram.report.pages import EXPERIMENT_FIGURES, FREQUENCY_FIGURES, PLACE_FIGURES
+from flipdiagram.report.sources import NOT_ASSUMED, model_grid, scenario_grid
+from flipdiagram.scenario import text as scenario_io
+from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
+from flipdiagram.studies.frequency.tables import FIGURES
+
+report = importlib.import_module("flipdiagram.report.report")
+MEASURED = {
+    "C1": {"gain_at_lowest": 1.0, "bandwidth_rad_s": 74.75},
+    "C2": {"pd_rad_s": 74.75, "pd+dob_rad_s": 87.77},
+    "C14": {"largest_relative_difference": 0.0},
+}
+OBSERVER = {"nominal_mass_ratio": 0.5, "velocity_cutoff_rad_s": None, "reference_scaled_by_nominal_mass": False}
+REALISATIONS = [{"name": "textbook", "unstable": False, "holds": {"C1": True, "C2": False}}]
+FAILURES = [[None, "blade hit the table at 0.2 s, dropped at 0.3 s"], ["no plan: far", "diverged: not finite"]]
+DELAY = {"pd": None, "pd+ff": None, "pd+dob": 0.010, "pd+ff+dob": -0.002}
+
+
+def frequency():
+    claims = [
+        {"id": name, "claim": "", "holds": name != "C9", "measured": MEASURED.get(name, {"unstable": f"loop of {name}"})}
+        for name in FIGURES
+    ]
+    return {"claims": claims, "observer": OBSERVER, "realisations": REALISATIONS}
+
+
+def experiment():
+    claims = [
+        {"id": f"E{k}", "text": f"claim of E{k}", "holds": {3: False, 6: None}.get(k, True), "measured": f"{k}.25 |cm|",
+         "paper": "Fig. 13", "difference": "an estimate" if k == 7 else "", "numbers": {}}
+        for k in range(1, 9)
+    ]  # fmt: skip
+    runs = [
+        {"architecture": name, "start_y_m": 0.0, "success": "dob" in name, "failure": None, "position_rmse_m": 0.0123,
+         "acceleration_rmse_m_s2": 2.5, "max_torque_Nm": [1, 47.5, 1, 1, 1, 1], "velocity_delay_s": 0.0037,
+         "endpoint_vibration_m_s": 0.0085, "max_slip_m": None, "plan": {}}
+        for name in ARCHITECTURES
+    ]  # fmt: skip
+    verdict = {"success": True, "max_slip_m": 0.001, "touchdown": None}
+    engines = [
+        {"architecture": name, "start_y_m": 0.0, "agree": name != "pd", "drake": verdict,
+         "mujoco": verdict | {"success": name != "pd"}} for name in ARCHITECTURES
+    ]  # fmt: skip
+    return {"quick": True, "starts_y_m": [0.0], "architectures": list(ARCHITECTURES), "runs": runs, "claims": claims,
+            "second_engine": {"settings": "", "runs": engines, "variants": []}}  # fmt: skip
+
+
+def drawn():
+    cells = {
+        name: {"success": [[True, False], [False, False]], "failure": FAILURES, "position_rmse_m": [[0.004, 0.1], [None, None]],
+               "velocity_delay_s": [[DELAY[name], 0.1], [None, None]]}
+        for name in ARCHITECTURES
+    }  # fmt: skip
+    axis = {"label": "load [kg]", "values": [0.0, 1.0], "overrides": [{}, {}], "logarithmic": False}
+    return {"name": "payload", "title": "Unknown payload", "question": "How heavy?", "x": axis, "y": axis, "architectures": cells}
+
+
+def variation(name, fragile):
+    numbers = {"position_rmse_m": 0.003, "acceleration_rmse_m_s2": 2.0, "max_slip_m": 0.001, "max_torque_joint_2_Nm": 50.0}
+    runs = {architecture: {"success": True, "failure": None, **numbers} for architecture in ARCHITECTURES}
+    return {"group": "step", "name": name, "overrides": {}, "fragile": fragile, "runs": runs}
+
+
+def borders():
+    return {"quick": True, "maps": [drawn()], "variations": [variation("as it is", []), variation("0.5 ms", ["pd+ff"])]}
+
+
+def replanning():
+    lost = {"success": False, "failure": "dropped at 0.3 s"}
+    kept = {"success": True, "failure": None, "landing_cost_J": 0.61, "position_rmse_m": 0.003, "max_slip_m": 0.0005}
+    runs = [{"case": "nothing", "way": "planned once", "architecture": n} | (kept if "dob" in n else lost) for n in ARCHITECTURES]
+    return {"runs": runs}
+
+
+def place():
+    run = {
+        "architecture": "pd+dob", "success": True, "failure": None, "distance_m": 0.004, "tilt_rad": 0.0, "touchdown_speed_m_s": 0.18,
+        "slid_m": 0.0189, "planned_slide_m": 0.018, "position_rmse_m": 0.0029,
+    }  # fmt: skip
+    return {"plan": {"tilt_rad": 1.11, "friction_angle_rad": 1.08}, "target_y_m": 0.1, "runs": [run]}
+
+
+@pytest.fixture
+def written(tmp_path, monkeypatch):
+    """write(quick): the report of these summaries, its studies replaced by their files."""
+    figure = Figure(figsize=(0.2, 0.2))
+
+    def study(name, made, pictures):
+        def run(scenario, out, *rest):
+            out.mkdir(parents=True, exist_ok=True)
+            for picture in pictures:
+                figure.savefig(out / f"{picture}.png")
+            return json.loads(write_summary(out / "summary.json", name, scenario, made()).read_text())
+
+        return run
+
+    monkeypatch.setattr(report, "_frequency", study("frequency", frequency, [name for name, _ in FREQUENCY_FIGURES]))
+    monkeypatch.setattr(report, "_experiment", study("experiment", experiment, [name for name, _ in EXPERIMENT_FIGURES]))
+    monkeypatch.setattr(report, "_borders", study("borders", borders, ["map_payload"]))
+    monkeypatch.setattr(report, "_replanning", study("replanning", replanning, []))
+    monkeypatch.setattr(report, "_place", study("place", place, [name for name, _ in PLACE_FIGURES]))
+    return lambda quick=False: report.write_report(Scenario(), tmp_path, quick=quick)
+
+
+def test_every_claim_is_on_the_page_with_its_verdict_and_numbers(written):
+    made = written()
+    text = made.markdown.read_text()
+    table = [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in text.splitlines() if re.match(r"\| [CE]\d+ \|", line)]
+    assert [row[0] for row in table] == [f"C{k}" for k in range(1, 15)] + [f"E{k}" for k in range(1, 9)]
+    verdicts = {row[0]: row[3] for row in table}
+    assert {name for name, holds in verdicts.items() if holds == "**no**"} == {"C9", "E3"}
+    assert {name for name, holds in verdicts.items() if holds == "not judged"} == {"E6"}
+    entries = {entry["id"]: entry for entry in made.summary["claims"]}
+    for row in table:
+        entry = entries[row[0]]
+        assert row[2] == entry["claim"] and row[4].replace("\\|", "|").startswith(entry["measured"]) and row[5] == entry["paper"]
+        assert row[6] == f"`flipdiagram {'frequency' if row[0][0] == 'C' else 'experiment'}`"
+    assert "87.77" in entries["C2"]["measured"]
+    assert "(an estimate)" in table[-2][4]
+    assert "19 of 22 claims hold in this physics; C9, E3 do not; E6 could not be judged." in text
+
+
+def test_the_numbers_of_the_tables_are_the_summarys(written):
+    text = written().markdown.read_text()
+    assert "| position RMSE [cm] | 1.23 ± 0, last 1.23 |" in text
+    assert "| joint 2, max [N m] | 47.5 ± 0, last 47.5 |" in text
+    assert "| slip, largest [mm] | – |" in text  # null in the summary
+    assert "| Unknown payload | load [kg] × load [kg] | 4 | 1 | 1 | 1 | 1 |" in text
+    assert "r = 0.5, exact velocity, reference force with the true mass" in text
+    assert "| textbook | 1 | C2 |" in text
+
+
+def test_the_summary_keeps_its_contract(written):
+    summary = written().summary
+    assert list(summary)[:3] == ["schema", "versions", "scenario"] and summary["schema"] == "flipdiagram/report/1"
+    assert len(summary["claims"]) == 22
+    assert summary["borders"]["maps"][0]["name"] == "payload" and summary["observer"] == OBSERVER
+
+
+def test_the_html_needs_no_other_file_and_no_network(written):
+    made = written()
+    html = made.html.read_text()
+    sources = re.findall(r'\bsrc="([^"]*)"', html)
+    assert len(sources) == len(FREQUENCY_FIGURES) + len(EXPERIMENT_FIGURES) + len(PLACE_FIGURES) + 1
+    assert all(source.startswith("data:image/png;base64,iVBOR") for source in sources)
+    assert not re.findall(r'\bhref="(?!#)', html)
+    assert not re.findall(r"<(?:script|link|iframe|object|embed)\b|url\(|@import", html)
+    assert html.count("<td>C1</td>") == 1 and html.count("<td>E8</td>") == 1
+    assert html.startswith("<!DOCTYPE html>") and "<title>Reproduction report" in html
+
+
+def test_a_text_of_a_user_is_no_markup(tmp_path):
+    html = self_contained("# a <b> & c\n\n<script>alert(1)</script>\n", tmp_path)
+    assert "<script>" not in html and "<title>a &lt;b&gt; &amp; c</title>" in html
+
+
+def test_replanning_and_laying_down_have_their_tables(written):
+    text = written().markdown.read_text(encoding="utf-8")
+    assert "| nothing | planned once | dropped at 0.3 s | dropped at 0.3 s | **0.61**, 0.30 cm, 0.5 mm |" in text
+    assert "| `pd+dob` | laid down | 0.4 | 0.000 | 0.18 | 18.9 | 18.0 | 0.29 |" in text
+
+
+def test_a_quick_report_says_so(written):
+    quick = written(quick=True)
+    assert "A quick report" in quick.markdown.read_text() and "A quick report" in quick.html.read_text()
+    assert quick.summary["quick"] is True and "`flipdiagram report --quick`" in quick.markdown.read_text()
+    assert "quick" not in written().markdown.read_text()
+
+
+def test_claims_keep_their_order_and_their_commands():
+    found = all_claims(frequency(), experiment())
+    assert len(found) == 22 and len({entry["id"] for entry in found}) == 22
+    assert {entry["command"] for entry in found} == {"flipdiagram frequency", "flipdiagram experiment"}
+    assert len(claims_grid({"claims": found}).rows[0]) == 6
+
+
+def test_where_an_architecture_works_is_counted():
+    (text,) = border_sentences(drawn())
+    assert text.count("works in 1 of 4 cells; failures: blade hit the table 1, ") == 4
+    everywhere = drawn()
+    everywhere["architectures"]["pd"] |= {"success": [[True] * 2] * 2, "failure": [[None] * 2] * 2}
+    everywhere["architectures"]["pd+ff"]["success"] = [[False] * 2] * 2
+    (text,) = border_sentences(everywhere)
+    assert "works everywhere\n" in text and "works nowhere; failures" in text
+
+
+@pytest.mark.parametrize(
+    ("failure", "kind"),
+    [
+        ("blade hit the table at 0.251 s, dropped at 0.291 s", "blade hit the table"),
+        ("dropped at 0.3 s", "dropped"),
+        ("landed at 0.10 rad", "landed at a wrong angle"),
+        ("never reached the table", "never landed"),
+        ("no plan: far", "no plan"),
+        ("diverged: x", "diverged"),
+        ("refused: x", "refused"),
+    ],
+)
+def test_every_failure_has_a_kind(failure, kind):
+    assert kind_of(failure) == kind
+
+
+def test_leads_are_counted_where_both_turn_the_block_over():
+    assert lead_sentence(borders()).endswith("appears in 1 of 1 cells of 'Unknown payload'.")
+    lag = borders()
+    lag["maps"][0]["architectures"]["pd+ff+dob"]["velocity_delay_s"] = [[0.001, -0.1], [None, None]]
+    assert "appears in no cell" in lead_sentence(lag)
+
+
+def test_fragile_verdicts_are_named():
+    text = fragile_sentence(borders(), experiment())
+    assert text.startswith("Of 1 variations of contact model, solver, step and inertias, 1 change a verdict")
+    assert "* step '0.5 ms': the verdict of PD + FF differs" in text
+    assert "3 of 4 verdicts are the same" in text
+
+
+def test_every_field_that_a_run_assumes_has_an_origin():
+    grid = scenario_grid(Scenario())
+    paths = [row[0].strip("`") for row in grid.rows]
+    assert paths == [path for path in scenario_io.field_paths(Scenario) if not path.startswith(NOT_ASSUMED)]
+    for row in grid.rows:
+        assert row[3] and row[4], row
+        assert not re.search(r"\([pHMLo]\)|\[", row[3]), row  # the mark has become the origin
+    origins = dict(zip(paths, (row[4] for row in grid.rows), strict=True))
+    assert origins["object.mass"] == "the paper" and origins["arm.torque_scale"] == "neutral: changes nothing"
+    values = dict(zip(paths, (row[1] for row in grid.rows), strict=True))
+    assert values["object.friction"] == "1.86"
+
+
+def test_a_number_of_the_users_own_is_not_ascribed_to_the_paper():
+    rows = {row[0]: row for row in scenario_grid(Scenario().with_overrides({"object.mass": 0.5})).rows}
+    assert rows["`object.mass`"][1] == "0.5"
+    assert rows["`object.mass`"][4] == "set for this run; the default, 0.061, is of: the paper"
+    assert rows["`object.friction`"][4] == "the paper"
+
+
+def test_the_models_numbers_are_listed_with_their_confidence():
+    grid = model_grid()
+    assert isinstance(grid, Grid) and len(grid.rows) > 5
+    assert {row[0] for row in grid.rows} >= {"`urdf/mh3f.urdf`"}
+    assert all(re.search(r"\[[HML]", row[1]) for row in grid.rows)

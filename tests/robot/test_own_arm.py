@@ -1,0 +1,222 @@
+"""Arms, tools and objects of the user's own: the same arm in three formats, two arms of a package, and what is refused."""
+
+
+import numpy as np
+import pytest
+from robots import package_file
+
+from flipdiagram.blocks.inverse_jacobian import joint_acceleration
+from flipdiagram.diagrams.loop import build_loop
+from flipdiagram.errors import PlanningError, ScenarioError
+from flipdiagram.planning import plan_motion
+from flipdiagram.robot import model_files as assets
+from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.own_files import ArmFile
+from flipdiagram.scenario.scenario import Scenario, load
+from flipdiagram.simulation.metrics import measure
+from flipdiagram.simulation.simulate import simulate
+
+# name, parent, place of the joint in the parent [m], axis, mass [kg]: an elbow arm, and a finger beside the chain
+LINKS = [
+    ("j1", "base", (0, 0, 0.3), "z", 3.0), ("j2", "l1", (0, 0, 0), "y", 3.0), ("j3", "l2", (0, 0, 0.26), "y", 2.0),
+    ("j4", "l3", (0.2, 0, 0.03), "x", 1.0), ("j5", "l4", (0.07, 0, 0), "y", 0.6), ("j6", "l5", (0, 0, 0), "x", 0.3),
+]  # fmt: skip
+AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
+EFFORT, SPEED, RANGE = 90.0, 6.0, 2.9
+LIMITS = {"torque_limits": (EFFORT,) * 6, "speed_limits": (SPEED,) * 6}
+HOME = (0.0, 0.3, 0.6, 0.0, -0.9, 0.0)
+
+
+def xyz(values):
+    return " ".join(map(str, values))
+
+
+def urdf():
+    parts = ['<robot name="elbow"><link name="world"/><link name="base"/>',
+             '<joint name="stand" type="fixed"><parent link="world"/><child link="base"/></joint>']  # fmt: skip
+    for k, (name, parent, place, axis, mass) in enumerate(LINKS, 1):
+        parts.append(f"""<link name="l{k}"><inertial><mass value="{mass}"/>
+          <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+          <visual><geometry><mesh filename="package://nowhere/l{k}.dae"/></geometry></visual>
+          <collision><geometry><box size="1 1 1"/></geometry></collision></link>
+        <joint name="{name}" type="revolute"><parent link="{parent}"/><child link="l{k}"/><origin xyz="{xyz(place)}"/>
+          <axis xyz="{xyz(AXES[axis])}"/><limit lower="-{RANGE}" upper="{RANGE}" velocity="{SPEED}" effort="{EFFORT}"/></joint>""")
+    # z out of the flange: turned by 90 deg about y
+    parts.append("""<link name="tcp"/><joint name="tip" type="fixed"><parent link="l6"/><child link="tcp"/>
+        <origin xyz="0.05 0 0" rpy="0 1.5707963267948966 0"/></joint>
+        <link name="finger"><inertial><mass value="0.1"/><inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+        <joint name="grip" type="prismatic"><parent link="l6"/><child link="finger"/><axis xyz="0 1 0"/>
+          <limit lower="0" upper="0.04" velocity="1" effort="20"/></joint></robot>""")
+    return "".join(parts)
+
+
+def sdf():
+    place = np.zeros(3)
+    parts = ['<sdf version="1.9"><model name="elbow"><link name="base"><inertial><mass>1</mass></inertial></link>']
+    for k, (name, parent, offset, axis, mass) in enumerate(LINKS, 1):
+        place = place + offset
+        parts.append(f"""<link name="l{k}"><pose>{xyz(place)} 0 0 0</pose><inertial><mass>{mass}</mass><inertia>
+          <ixx>0.01</ixx><iyy>0.01</iyy><izz>0.01</izz></inertia></inertial>
+          <collision name="c"><geometry><box><size>1 1 1</size></box></geometry></collision></link>
+        <joint name="{name}" type="revolute"><parent>{parent}</parent><child>l{k}</child><axis><xyz>{xyz(AXES[axis])}</xyz>
+          <limit><lower>-{RANGE}</lower><upper>{RANGE}</upper><velocity>{SPEED}</velocity><effort>{EFFORT}</effort></limit></axis></joint>""")
+    parts.append(f"""<frame name="tcp" attached_to="l6"><pose>0.05 0 0 0 1.5707963267948966 0</pose></frame>
+        <link name="finger"><pose>{xyz(place)} 0 0 0</pose><inertial><mass>0.1</mass><inertia><ixx>0.001</ixx><iyy>0.001</iyy><izz>0.001</izz></inertia></inertial></link>
+        <joint name="grip" type="prismatic"><parent>l6</parent><child>finger</child><axis><xyz>0 1 0</xyz></axis></joint></model></sdf>""")
+    return "".join(parts)
+
+
+def mjcf():
+    text, end = '<mujoco model="elbow"><compiler angle="radian"/><worldbody><body name="base"><geom type="box" size=".01 .01 .01" mass="1"/>', ""
+    for k, (name, _, place, axis, mass) in enumerate(LINKS, 1):
+        text += f"""<body name="l{k}" pos="{xyz(place)}"><joint name="{name}" axis="{xyz(AXES[axis])}" range="-{RANGE} {RANGE}"/>
+          <inertial pos="0 0 0" mass="{mass}" diaginertia="0.01 0.01 0.01"/>"""
+        end += "</body>"
+    text += """<body name="tcp" pos="0.05 0 0" quat="0.70710678118654757 0 0.70710678118654757 0"><inertial pos="0 0 0" mass="1e-9" diaginertia="1e-12 1e-12 1e-12"/></body>
+      <body name="finger"><joint name="grip" type="slide" axis="0 1 0"/><inertial pos="0 0 0" mass="0.1" diaginertia="0.001 0.001 0.001"/></body>"""
+    actuators = "".join(f'<motor name="m{name}" joint="{name}" ctrlrange="-{EFFORT} {EFFORT}" ctrllimited="true"/>' for name, *_ in reversed(LINKS))
+    return f"{text}{end}</body></worldbody><actuator>{actuators}</actuator></mujoco>"
+
+
+FORMATS = {"arm.urdf": urdf, "arm.sdf": sdf, "arm.xml": mjcf}
+
+
+def arm_of(folder, name, base_pose=(0.0, 0.0, 0.0, 0.0), **options):
+    (folder / name).write_text(FORMATS[name](), encoding="utf-8")
+    own = ArmFile(str(folder / name), "base", "tcp", home=HOME, **({"mount_angle": np.pi} | LIMITS | options))
+    return ArmModel(arm=own, reflected_inertia_scale=1.0, base_pose=base_pose)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_the_same_arm_in_three_formats_has_the_same_kinematics_and_inertia(tmp_path, name):
+    arm, reference = arm_of(tmp_path, name), arm_of(tmp_path, "arm.urdf")
+    assert arm.joint_names == tuple(joint for joint, *_ in LINKS), "the finger does not move"
+    np.testing.assert_allclose([arm.tau_max, arm.qd_max], [[EFFORT] * 6, [SPEED] * 6])
+    rng = np.random.default_rng(5)
+    for q in rng.uniform(-1, 1, (5, 6)):
+        np.testing.assert_allclose(arm.task_position(q), reference.task_position(q), atol=1e-9)
+        np.testing.assert_allclose(arm.mass_matrix(q), reference.mass_matrix(q), atol=1e-7)
+
+
+def test_the_tip_of_the_elbow_arm_lies_where_trigonometry_puts_it(tmp_path):
+    """In the plane: shoulder at 0.3 m, upper arm 0.26 m, then 0.27 + 0.05 m forward with 0.03 m up, tool 0.14 m out."""
+    arm = arm_of(tmp_path, "arm.urdf")
+    a, b, c = 0.3, 0.6, -0.9  # turns about y: down is positive
+    x_task = arm.task_position([0, a, b, 0, c, 0])
+    fore, wrist = a + b, a + b + c
+    x = 0.26 * np.sin(a) + 0.27 * np.cos(fore) + 0.03 * np.sin(fore) + 0.19 * np.cos(wrist)
+    z = 0.3 + 0.26 * np.cos(a) - 0.27 * np.sin(fore) + 0.03 * np.cos(fore) - 0.19 * np.sin(wrist) + 0.005
+    np.testing.assert_allclose(x_task, [0, z, 0, x, wrist, 0], atol=1e-9)
+
+
+def test_the_base_may_stand_elsewhere_and_the_spatula_be_turned_on_the_flange(tmp_path):
+    still, moved = arm_of(tmp_path, "arm.urdf"), arm_of(tmp_path, "arm.urdf", base_pose=(0.1, -0.2, 0.05, 0.0))
+    np.testing.assert_allclose(moved.task_position(HOME) - still.task_position(HOME), [-0.2, 0.05, 0, 0.1, 0, 0], atol=1e-12)
+    turned = arm_of(tmp_path, "arm.urdf", mount_angle=np.pi + 0.4)
+    assert turned.task_position(HOME)[2] == pytest.approx(0.4, abs=1e-9)
+
+
+def test_given_rotor_inertia_stands_on_the_diagonal_of_the_mass_matrix(tmp_path):
+    rotors = np.array([1.0, 0.9, 0.5, 0.2, 0.1, 0.05])
+    bare, geared = arm_of(tmp_path, "arm.urdf"), arm_of(tmp_path, "arm.urdf", reflected_inertia=tuple(rotors))
+    np.testing.assert_allclose(geared.mass_matrix(HOME) - bare.mass_matrix(HOME), np.diag(rotors), atol=1e-12)
+
+
+UR5 = {
+    "arm.file": "ur_description/urdf/ur5_joint_limited_robot.urdf", "arm.base": "base_link", "arm.flange": "tool0",
+    "arm.reflected_inertia": (1.5, 1.5, 1.0, 0.3, 0.3, 0.3),
+}  # fmt: skip
+PANDA = {
+    "arm.file": "panda_description/urdf/panda.urdf", "arm.base": "panda_link0", "arm.flange": "panda_link8",
+    "arm.base_pose": (0.0, 0.0, -0.2, 0.0), "arm.mount_angle": 0.75, "task.start_x": 0.55,
+    "arm.reflected_inertia": (0.6, 0.6, 0.5, 0.5, 0.2, 0.2, 0.2),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("fields", "joints"), [(UR5, 6), (PANDA, 7)], ids=["UR5", "Panda"])
+def test_an_arm_of_a_package_turns_the_block_over(fields, joints):
+    named = fields | {"arm.file": package_file(fields["arm.file"])}
+    scenario = Scenario().with_overrides(named | {"simulation.hold_time": 1.0})
+    plan = plan_motion(scenario)
+    assert max(plan.limit_use.values()) <= 1
+    flip = simulate(scenario, "pd+ff+dob", plan)
+    found = measure(flip.recording)
+    assert found.success, found.failure
+    assert flip.recording.sizes["joint"] == joints == len(found.max_torque_Nm)
+    limits = build_loop(scenario).arm.tau_max
+    assert np.all(np.array(found.max_torque_Nm) <= limits + 1e-9)
+
+
+def test_a_redundant_arm_does_in_its_inner_motion_what_does_not_move_the_tool():
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        J, bias, a_ref, inner = rng.normal(size=(6, 7)), rng.normal(size=6), rng.normal(size=6), rng.normal(size=7)
+        qdd = joint_acceleration(J, bias, a_ref, inner)
+        np.testing.assert_allclose(J @ qdd + bias, a_ref, atol=1e-9)
+        # what is left of the inner motion is its part in the kernel of J
+        kernel = np.linalg.svd(J)[2][-1]
+        assert kernel @ qdd == pytest.approx(kernel @ inner, abs=1e-9)
+
+
+def test_an_arm_out_of_reach_is_said_to_be_so(tmp_path):
+    (tmp_path / "arm.urdf").write_text(urdf(), encoding="utf-8")
+    fields = {"arm.file": str(tmp_path / "arm.urdf"), "arm.flange": "tcp", "arm.base_pose": (0.0, 3.0, 0.0, 0.0)}
+    with pytest.raises(PlanningError, match="cannot reach the pose"):
+        plan_motion(Scenario().with_overrides(fields))
+
+
+REFUSED = {
+    "no file": ({"file": "nowhere.urdf"}, "arm.file = 'nowhere.urdf' cannot be read"),
+    "unknown kind": ({"file": "arm.stl"}, "is of no known format; valid is .urdf, .sdf, .xml"),
+    "unknown flange": ({"flange": "tip"}, "has no link or frame 'tip'; choose from"),
+    "flange off the base": ({"base": "finger"}, "'tcp' is not carried by 'finger'"),
+    "too few joints": ({"base": "l1"}, "has 5 moving joints; valid are at least 6"),
+    "home of another arm": ({"home": (0.0,)}, "'arm.home' = [0.0] has 1 entries; valid is one per joint, j1 j2 j3 j4 j5 j6"),
+}
+
+
+@pytest.mark.parametrize(("fields", "message"), REFUSED.values(), ids=REFUSED)
+def test_an_arm_that_will_not_do_is_refused_with_the_reason(tmp_path, fields, message):
+    (tmp_path / "arm.urdf").write_text(urdf(), encoding="utf-8")
+    named = {"file": str(tmp_path / "arm.urdf"), "flange": "tcp"} | fields
+    scenario = Scenario().with_overrides({f"arm.{name}": value for name, value in named.items()})
+    with pytest.raises(ScenarioError) as refused:
+        build_loop(scenario)
+    assert message in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_fields_of_another_arm_need_one():
+    with pytest.raises(ScenarioError, match=r"'arm.home' = .* valid is the default unless arm.file names another arm"):
+        Scenario().with_overrides({"arm.home": (0.0,) * 6})
+
+
+def test_a_sdf_cannot_scale_its_links(tmp_path):
+    (tmp_path / "arm.sdf").write_text(sdf(), encoding="utf-8")
+    fields = {"arm.file": str(tmp_path / "arm.sdf"), "arm.flange": "tcp", "arm.link_inertia_scale": 1.3}
+    with pytest.raises(ScenarioError, match="arm.link_inertia_scale needs a URDF"):
+        build_loop(Scenario().with_overrides(fields))
+
+
+def test_our_tool_and_block_as_files_give_the_same_run(tmp_path):
+    """A scenario file names them relative to itself."""
+    default, short = Scenario(), {"simulation.hold_time": 0.05, "simulation.settle_time": 0.0}
+    thing, tool = default.object, default.tool
+    (tmp_path / "block.sdf").write_text(
+        assets.block_sdf(size=(thing.width, thing.length, thing.thickness), mass=thing.mass, friction=thing.friction,
+                         hydroelastic_modulus=1e6, hunt_crossley_dissipation=20.0)
+    )  # fmt: skip
+    blade = (tool.blade_length, tool.blade_width, tool.blade_thickness)
+    text = assets.spatula_urdf(blade_size=blade, tool_length=tool.reach, mass=tool.mass, friction=thing.friction)
+    (tmp_path / "spatula.urdf").write_text(text)
+    (tmp_path / "mine.yaml").write_text("tool: {file: spatula.urdf}\nobject: {file: block.sdf}\n")
+    plan = plan_motion(default)
+    ours = simulate(default.with_overrides(short), "pd", plan).recording
+    own = simulate(load(tmp_path / "mine.yaml").with_overrides(short), "pd", plan).recording
+    for name in ("x", "tau", "block_pose"):
+        np.testing.assert_array_equal(own[name].values, ours[name].values)
+
+
+def test_an_object_that_weighs_something_else_is_refused(tmp_path):
+    (tmp_path / "block.sdf").write_text(assets.block_sdf(mass=0.2))
+    with pytest.raises(ScenarioError, match=r"weighs 0.2 kg; valid is object.mass = 0.061 kg"):
+        build_loop(Scenario().with_overrides({"object.file": str(tmp_path / "block.sdf")}))

@@ -1,0 +1,210 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from flipdiagram.errors import ScenarioError
+from flipdiagram.scenario import text as scenario_io
+from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, field_paths, from_mapping, from_yaml, load
+
+
+def test_the_defaults_are_the_table_of_the_paper():
+    scenario = Scenario()
+    assert (scenario.planner.alpha, scenario.planner.beta) == (20.0, 0.5)
+    assert (scenario.controller.k_p, scenario.controller.k_v, scenario.controller.g_dis) == (350.0, 120.0, 12.6)
+    assert scenario.controller.period == 0.001
+    block = scenario.object
+    assert (block.length, block.width, block.thickness, block.mass) == (0.065, 0.062, 0.010, 0.061)
+    assert block.friction == 1.86
+    assert scenario.task.start_y == 0.0
+    assert ARCHITECTURES == ("pd", "pd+ff", "pd+dob", "pd+ff+dob")
+
+
+def test_a_scenario_cannot_be_changed_in_place():
+    with pytest.raises(ValidationError, match="frozen"):
+        Scenario().object.mass = 1.0
+
+
+def test_every_field_says_what_it_is_and_in_which_unit():
+    for path in field_paths():
+        section, name = path.split(".")
+        field = scenario_io.section_of(Scenario, section).model_fields[name]
+        assert field.description, path
+        assert field.description.endswith("]") or scenario_io.describe_valid(field).startswith(("one of", "a text")), path
+
+
+# Each row: YAML, then what its one line must contain.
+BAD = {
+    "unknown section": ("objekt: {mass: 1}", "'objekt'", "did you mean 'object'?", "planner"),
+    "unknown key": ("controller: {kp: 1}", "'controller.kp'", "did you mean 'controller.k_p'?", "controller.g_dis"),
+    "key without its section": ("g_dis: 30", "'g_dis'", "did you mean 'controller.g_dis'?"),
+    "key that is no text": ("object: {1: 2}", "'object.1'", "object.mass"),
+    "wrong type": ("object: {mass: heavy}", "'object.mass' = 'heavy'", "a finite number above 0 [kg]"),
+    "quoted number": ("object: {mass: '0.061'}", "'object.mass' = '0.061'", "a finite number above 0 [kg]"),
+    "yes where a number stands": ("object: {mass: true}", "'object.mass' = true", "a finite number above 0 [kg]"),
+    "null where a number stands": ("object: {mass: null}", "'object.mass' = null", "a finite number above 0"),
+    "negative mass": ("object: {mass: -0.061}", "'object.mass' = -0.061", "a finite number above 0 [kg]"),
+    "zero period": ("controller: {period: 0}", "'controller.period' = 0", "a finite number above 0 [s]"),
+    "not a number": ("object: {mass: .nan}", "'object.mass' = nan", "a finite number above 0 [kg]"),
+    "infinite": ("controller: {k_p: .inf}", "'controller.k_p' = inf", "a finite number of at least 0 [1/s2]"),
+    "fraction of 1": ("planner: {friction_margin: 1}", "'planner.friction_margin' = 1", "below 1"),
+    "optional number": ("sensors: {velocity_cutoff: -1}", "= -1", "a finite number above 0 [rad/s], or null"),
+    "whole number": ("planner: {max_iterations: 2.5}", "= 2.5", "a whole number of at least 1"),
+    "pair too long": ("planner: {contact_samples: [1, 2, 3]}", "= [1, 2, 3]", "a list of 2 whole numbers [samples]"),
+    "pair reversed": ("planner: {contact_samples: [30, 20]}", "= (30, 20)", "fewest and most"),
+    "start outside": ("task: {start_y: 0.5}", "'task.start_y' = 0.5", "inside the workspace, -0.35 to 0.35 [m]"),
+    "workspace empty": ("task: {workspace_x: [1, 0]}", "'task.workspace_x' = (1.0, 0.0)", "low < high [m]"),
+    "target outside": ("task: {target_y: 9}", "'task.target_y' = 9.0", "inside the workspace"),
+    "unknown choice": ("planner: {solver: cplex}", "'planner.solver' = 'cplex'", "clarabel, osqp"),
+    "inertia of two joints": ("controller: {nominal_inertia: [1, 2]}", "= (1.0, 2.0)", "each joint S L U R B T"),
+    "inertia not positive": ("controller: {nominal_inertia: [1, 1, 1, 1, 1, 0]}", "a number above 0 [kg m2]"),
+    "inertia no list": ("controller: {nominal_inertia: 3}", "= 3", "a list of finite numbers [kg m2], or null"),
+    "step between": ("simulation: {step: 0.0007}", "'simulation.step' = 0.0007", "0.001 [s] divided by 1, 2, 4, 8"),
+    "block wider than the blade": ("object: {length: 0.2}", "'object.length' = 0.2", "tool.blade_width = 0.09"),
+    "section no mapping": ("task: 3", "section 'task' = 3 is no mapping", "start_x, start_y"),
+    "no mapping": ("[1, 2]", "= [1, 2] is no mapping", "`flipdiagram scenario`"),
+    "one text": ("hello", "= 'hello' is no mapping"),
+    "duplicate key": ("object:\n  mass: 1\n  mass: 2", "'object.mass' stands twice, on lines 2 and 3"),
+    "duplicate section": ("object: {mass: 1}\nobject: {}", "'object' stands twice, on lines 1 and 2"),
+    "no YAML": ("{{", "not valid YAML"),
+    "two documents": ("{}\n---\n{}", "not valid YAML"),
+    "control character": ("\0", "not valid YAML"),
+    "bottomless": ("[" * 5000, "not valid YAML"),
+    "endless number": ("object: {mass: " + "9" * 5000 + "}", "not valid YAML"),
+    "its own parent": ("a: &a {b: *a}", "'a' does not exist"),
+    "a key that cannot be one": ("? [1]\n: 2", "not valid YAML"),
+}
+
+
+@pytest.mark.parametrize(("text", "parts"), [(row[0], row[1:]) for row in BAD.values()], ids=BAD)
+def test_a_bad_scenario_ends_in_one_line_with_field_value_and_what_is_valid(text, parts):
+    with pytest.raises(ScenarioError) as caught:
+        from_yaml(text)
+    message = str(caught.value)
+    assert "\n" not in message
+    for part in parts:
+        assert part in message
+    assert caught.value.exit_code == 2
+
+
+@pytest.mark.parametrize("text", ["", "# nothing but a comment", "task:", "task: {}", "controller:\n  # k_p: 1\n"])
+def test_what_a_file_leaves_out_keeps_its_default(text):
+    assert from_yaml(text) == Scenario()
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("1e3", 1000.0), ("1.5E-3", 0.0015), ("010", 10.0), (".5", 0.5), ("+7", 7.0), ("5.", 5.0), ("3", 3.0)],
+)
+def test_numbers_are_read_as_they_look(text, value):
+    read = from_yaml(f"controller: {{k_p: {text}}}").controller.k_p
+    assert read == value and isinstance(read, float)
+
+
+@pytest.mark.parametrize("text", ["1:30", "1_000", "0x10", "1,5"])
+def test_numbers_of_older_yaml_are_refused_rather_than_guessed(text):
+    with pytest.raises(ScenarioError, match="a finite number"):
+        from_yaml(f"controller:\n  k_p: {text}")
+
+
+def positive(largest=1e6):
+    return st.floats(min_value=5e-324, max_value=largest, exclude_min=False)
+
+
+def ordered(low, high):
+    return st.tuples(st.integers(low, high), st.integers(low, high)).map(lambda pair: tuple(sorted(pair)))
+
+
+scenarios = st.fixed_dictionaries(
+    {
+        "arm.link_inertia_scale": positive(),
+        "joint_friction.coulomb": st.floats(0, 1e3),
+        "object.mass": positive(),
+        "object.friction": st.sampled_from([1e-05, 1e16, 0.1, 1.86, 1e-300, 123456789.123]),
+        "table.height": st.floats(-1, 2),
+        "task.start_y": st.floats(-0.35, 0.35),
+        "task.workspace_x": st.tuples(st.floats(-1, 0.5), st.floats(0.5, 1, exclude_min=True)),
+        "planner.contact_samples": ordered(2, 400),
+        "planner.solver": st.sampled_from(["clarabel", "osqp"]),
+        "planner.max_iterations": st.integers(1, 10**6),
+        "controller.k_p": st.floats(0, 1e300),
+        "controller.nominal_inertia": st.none() | st.tuples(*[positive()] * 6),
+        "sensors.velocity_cutoff": st.none() | positive(),
+        "simulation.step": st.integers(0, 20).map(lambda power: 0.001 / 2**power),
+    }
+)
+
+
+@given(changes=scenarios, comments=st.booleans())
+def test_yaml_round_trips_exactly(changes, comments):
+    scenario = Scenario().with_overrides(changes)
+    again = from_yaml(scenario.to_yaml(comments=comments))
+    assert again == scenario
+    assert repr(again) == repr(scenario)  # tells 1 from 1.0, a list from a tuple, -0.0 from 0.0
+
+
+@given(changes=scenarios)
+def test_overrides_change_the_fields_named_and_no_other(changes):
+    before, after = Scenario().model_dump(), Scenario().with_overrides(changes).model_dump()
+    for path in field_paths():
+        section, name = path.split(".")
+        assert after[section][name] == changes.get(path, before[section][name]), path
+
+
+@given(text=st.text(max_size=60) | st.from_regex(r"(task|object|planner): \{?[a-z_]{1,12}: .{0,20}\}?"))
+def test_any_text_gives_a_scenario_or_one_line(text):
+    try:
+        assert isinstance(from_yaml(text), Scenario)
+    except ScenarioError as error:
+        assert len(str(error).splitlines()) == 1
+
+
+@given(value=st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=20) | st.lists(st.floats()))
+def test_any_value_of_a_field_is_taken_or_refused_in_one_line(value):
+    valid = isinstance(value, (int, float)) and not isinstance(value, bool) and value > 0 and math.isfinite(value)
+    try:
+        assert Scenario().with_overrides({"object.mass": value}).object.mass == value and valid
+    except ScenarioError as error:
+        assert not valid
+        assert len(str(error).splitlines()) == 1 and "'object.mass'" in str(error)
+
+
+@pytest.mark.parametrize("path", ["controller.k_q", "controller", "k_p", "", ".", "controller.k_p.x", "a.b"])
+def test_an_override_of_no_field_is_refused(path):
+    with pytest.raises(ScenarioError, match="does not exist"):
+        Scenario().with_overrides({path: 1.0})
+
+
+def test_with_overrides_leaves_the_original_alone():
+    scenario = Scenario()
+    changed = scenario.with_overrides({"controller.k_p": 400})
+    assert (scenario.controller.k_p, changed.controller.k_p) == (350.0, 400.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("400", 400), ("1e-3", 0.001), ("null", None), ("[1, 2]", [1, 2]), ("osqp", "osqp"), ("true", True), ("", None)],
+)
+def test_an_override_is_read_as_yaml(text, value):
+    assert scenario_io.parse_value(text, "a.b") == value
+
+
+def test_load_reads_a_partial_file(tmp_path):
+    path = tmp_path / "delta.yaml"
+    path.write_text("controller: {k_p: 400}  # ΔT", encoding="utf-8")
+    assert load(path) == Scenario().with_overrides({"controller.k_p": 400.0})
+
+
+def test_load_names_the_file_that_it_cannot_read(tmp_path):
+    latin = tmp_path / "latin.yaml"
+    latin.write_bytes(b"\xff\xfe\xff")
+    for path, reason in ((tmp_path / "none.yaml", "No such file"), (tmp_path, "Is a directory"), (latin, "UTF-8")):
+        with pytest.raises(ScenarioError, match=reason) as caught:
+            load(path)
+        assert str(path) in str(caught.value)
+
+
+def test_mappings_of_python_are_read_too():
+    assert from_mapping({"planner": {"contact_samples": [10, 20]}}).planner.contact_samples == (10, 20)
