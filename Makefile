@@ -30,6 +30,7 @@ test: lint programs
 
 lint: $(TESTABLE)
 	$(RUN) -m ruff check .
+	$(RUN) -m ruff format --check .
 	$(RUN) -m mypy
 	$(VENV)/bin/lint-imports
 

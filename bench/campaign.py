@@ -92,8 +92,12 @@ def memory(trials: int, quick: bool) -> Section:
     section.add("worker, largest of the first half", [first], "B")
     section.add("worker, largest of the second half", [second], "B")
     section.add("second half / first", [second / first], "x", None if quick else GROWTH)
-    section.add("driver, second half / first", [run["memory"][-1] / run["memory"][len(run["memory"]) // 2]], "x",
-                None if quick else GROWTH)  # fmt: skip
+    section.add(
+        "driver, second half / first",
+        [run["memory"][-1] / run["memory"][len(run["memory"]) // 2]],
+        "x",
+        None if quick else GROWTH,
+    )
     section.add("a flip leaves behind", [run["leak"]], "B")
     section.checks.append(f"{trials} flips, {run['children']} workers in all, {run['pace'] * 60:.0f} flips a minute")
     return section

@@ -103,17 +103,23 @@ def _in_motion(planner: Planner, plan: Plan, failed: list[int]) -> Iterator[Case
         passed = int(rng.integers(2, plan.n_contact - 4))
         state = plan.states[passed] + DEVIATION * rng.normal(size=6)
         old = Trajectory(
-            plan.states[passed:].copy(), plan.inputs[passed:], plan.n_contact - passed, plan.n_flight,
+            plan.states[passed:].copy(),
+            plan.inputs[passed:],
+            plan.n_contact - passed,
+            plan.n_flight,
             plan.sampling_time,
-        )  # fmt: skip
+        )
         old.states[0] = state
         try:
             again = replanner.replan(state, plan, passed * plan.sampling_time, path[passed])
             waiting = replanner.horizons.layout.release - again.n_contact
             point = Trajectory(
                 np.vstack([np.tile(again.states[0], (waiting, 1)), again.states]),
-                np.vstack([np.zeros((waiting, 3)), again.inputs]), again.n_contact, again.n_flight, plan.sampling_time,
-            )  # fmt: skip
+                np.vstack([np.zeros((waiting, 3)), again.inputs]),
+                again.n_contact,
+                again.n_flight,
+                plan.sampling_time,
+            )
             yield compare(replanner.horizons, point, old, f"on the way, sample {passed}", again.cost)
         except PlanningError:
             failed[0] += 1

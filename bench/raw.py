@@ -80,8 +80,5 @@ def solve(problem: Matrices) -> Any:
     clarabel = import_module("clarabel")
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    cones = [
-        clarabel.ZeroConeT(problem.equalities),
-        clarabel.NonnegativeConeT(problem.b.size - problem.equalities),
-    ]
+    cones = [clarabel.ZeroConeT(problem.equalities), clarabel.NonnegativeConeT(problem.b.size - problem.equalities)]
     return clarabel.DefaultSolver(problem.P, problem.q, problem.A, problem.b, cones, settings).solve()

@@ -239,9 +239,14 @@ def _against_ipopt(
 
 
 def _whole(
-    section: Section, replanner: Replanner, plan: Plan, found: list[Replan], fast: CondensedProgram, intervals: int,
+    section: Section,
+    replanner: Replanner,
+    plan: Plan,
+    found: list[Replan],
+    fast: CondensedProgram,
+    intervals: int,
     repetitions: int,
-) -> None:  # fmt: skip
+) -> None:
     """The time of Replanner.replan; then, in further calls whose clocks cost time themselves, of its parts."""
     replanner.horizons._program = fast  # type: ignore[assignment]
     elapsed, whole, residual = PASSED * plan.sampling_time, list[float](), 0.0
@@ -288,9 +293,15 @@ def joint_rows(horizons: Convexification, motion: Trajectory) -> tuple[sp.csr_ma
     x, rows, layout = horizons.scenario.task.start_x, Rows(), Layout(len(motion.inputs), 0)
     along = limits.joint_motion(horizons.arm, motion.states, motion.inputs, x, horizons.q_start)
     limits.joint_rows(
-        rows, layout, along, motion.states, motion.inputs, horizons.arm, horizons.allowed,
+        rows,
+        layout,
+        along,
+        motion.states,
+        motion.inputs,
+        horizons.arm,
+        horizons.allowed,
         given_start=horizons._in_motion,
-    )  # fmt: skip
+    )
     matrix, upper = rows.matrix(layout.size)
     return matrix.tocsr(), upper
 

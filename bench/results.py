@@ -49,9 +49,15 @@ class Measurement:
         """Plain data for bench.json."""
         target = self.target and {"relation": self.target.relation, "value": self.target.value}
         return {
-            "name": self.name, "unit": self.unit, "median": self.median, "min": min(self.values),
-            "max": max(self.values), "values": list(self.values), "target": target, "verdict": self.verdict,
-        }  # fmt: skip
+            "name": self.name,
+            "unit": self.unit,
+            "median": self.median,
+            "min": min(self.values),
+            "max": max(self.values),
+            "values": list(self.values),
+            "target": target,
+            "verdict": self.verdict,
+        }
 
 
 @dataclass
@@ -69,12 +75,7 @@ class Section:
     """Draws a figure into a folder."""
 
     def add(
-        self,
-        name: str,
-        values: Sequence[float],
-        unit: str = "s",
-        target: Target | None = None,
-        indent: int = 0,
+        self, name: str, values: Sequence[float], unit: str = "s", target: Target | None = None, indent: int = 0
     ) -> Measurement:
         """Append a measurement and return it."""
         self.measurements.append(Measurement(name, list(values), unit, target, indent))

@@ -1,5 +1,9 @@
 """The exceptions of flipdiagram: one class per way of going wrong, with the exit code of the command line."""
 
+from __future__ import annotations
+
+from typing import Any
+
 
 class FlipdiagramError(Exception):
     """Base of every error raised on purpose. `exit_code` is what the command line exits with."""
@@ -7,10 +11,25 @@ class FlipdiagramError(Exception):
     exit_code = 1
 
 
-class ScenarioError(FlipdiagramError):
-    """A bad input. The message names the field, the value given and what would be valid."""
+class InputError(FlipdiagramError):
+    """A bad input. The message, one line, names the field, the value given and what would be valid.
+
+    Args:
+        message: the sentence.
+        field: name of the field, argument or file, where there is one.
+        value: what was given.
+        valid: what would be valid, in words or as the names to choose from.
+    """
 
     exit_code = 2
+
+    def __init__(self, message: str, *, field: str | None = None, value: Any = None, valid: Any = None) -> None:
+        super().__init__(message)
+        self.field, self.value, self.valid = field, value, valid
+
+
+class ScenarioError(InputError):
+    """A field of a scenario, or the text of one, is not valid."""
 
 
 class MissingProgramError(FlipdiagramError):

@@ -18,14 +18,14 @@ import numpy as np
 from pydantic import BaseModel
 
 from flipdiagram import __version__
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 
 @contextmanager
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """A temporary path to write to, beside `path`; renamed to `path` on success, removed on any failure.
 
-    Keeps the suffix, which Matplotlib and xarray read. Makes the folder. ScenarioError where it cannot write.
+    Keeps the suffix, which Matplotlib and xarray read. Makes the folder. InputError where it cannot write.
     """
     target = Path(path)
     temporary: Path | None = None
@@ -38,7 +38,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         temporary.chmod(0o666 & ~_umask())  # mkstemp makes files that only their owner can read
         os.replace(temporary, target)
     except OSError as error:
-        raise ScenarioError(f"cannot write '{target}': {error.strerror or error}") from error
+        raise InputError(f"cannot write '{target}': {error.strerror or error}") from error
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
@@ -51,18 +51,12 @@ def write_atomically(path: str | os.PathLike[str], content: str | bytes) -> Path
     return Path(path)
 
 
-def write_summary(
-    path: str | os.PathLike[str], study: str, scenario: BaseModel, body: Mapping[str, Any]
-) -> Path:
+def write_summary(path: str | os.PathLike[str], study: str, scenario: BaseModel, body: Mapping[str, Any]) -> Path:
     """Write `summary.json`: schema, versions and scenario first, then the entries of `body`.
 
     NumPy arrays and numbers become lists and numbers; nan and infinity, unknown to JSON, become null.
     """
-    head = {
-        "schema": f"flipdiagram/{study}/1",
-        "versions": versions(),
-        "scenario": scenario.model_dump(mode="json"),
-    }
+    head = {"schema": f"flipdiagram/{study}/1", "versions": versions(), "scenario": scenario.model_dump(mode="json")}
     twice = head.keys() & body.keys()
     if twice:
         raise ValueError(f"{', '.join(sorted(twice))} stands in the head of a summary already")
@@ -76,7 +70,7 @@ def versions() -> dict[str, str]:
 
 
 def check_output_directory(path: str | os.PathLike[str]) -> Path:
-    """The folder as a Path if files can be written there, else ScenarioError; leaves nothing behind."""
+    """The folder as a Path if files can be written there, else InputError; leaves nothing behind."""
     folder = Path(path)
     made: list[Path] = []
     try:
@@ -90,7 +84,7 @@ def check_output_directory(path: str | os.PathLike[str]) -> Path:
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
         reason = getattr(error, "strerror", None) or error
         message = f"--out = '{folder}' cannot be written: {reason}; valid is a writable folder"
-        raise ScenarioError(message) from None
+        raise InputError(message) from None
     finally:
         for parent in reversed(made):
             with suppress(OSError):  # another process may have begun to use it
@@ -102,7 +96,7 @@ def check_output_directory(path: str | os.PathLike[str]) -> Path:
 def sole_use(path: str | os.PathLike[str]) -> Iterator[None]:
     """Keep a folder for one run until the `with` block ends, however it ends: two at once would leave files of both.
 
-    Makes the folder; what it made and the run left empty goes again. ScenarioError where another run has the folder.
+    Makes the folder; what it made and the run left empty goes again. InputError where another run has the folder.
     """
     folder = Path(path)
     made = [parent for parent in (folder, *folder.parents) if not parent.exists()]
@@ -124,7 +118,7 @@ def _lock(handle: int, folder: Path) -> None:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         message = f"--out = '{folder}' is in use by another run; valid is another folder, or this one once it has ended"
-        raise ScenarioError(message) from None
+        raise InputError(message) from None
     except OSError:
         return  # a file system without locks
 

@@ -71,8 +71,7 @@ def one_axis_loop(nested: bool = False, quantised: bool = True) -> Any:
     a = f / m + g
     dynamics = [x + PERIOD * v + PERIOD**2 / 2 * a, v + PERIOD * a]
     plant = outer.AddNamedSystem(
-        "plant",
-        expressions_block([x, v], [x, v], dynamics, input=np.array([f]), parameter=np.array([m, g])),
+        "plant", expressions_block([x, v], [x, v], dynamics, input=np.array([f]), parameter=np.array([m, g]))
     )
     parts = outer.AddNamedSystem("parts", Demultiplexer(2, 1))
     encoder = outer.AddNamedSystem("encoder", Encoder([1e-4 if quantised else 0.0]))

@@ -51,7 +51,9 @@ def test_every_public_module_has_a_page_that_others_link_to(reference):
     for name in pages - {"flipdiagram.html"}:
         parent = name.rpartition("/")[0] + ".html"
         link = name.removeprefix(parent.rpartition("/")[0]).removeprefix("/")
-        assert f'href="{link}"' in reference[parent] or f'href="./{link}"' in reference[parent], f"{parent} has no link to {link}"
+        assert f'href="{link}"' in reference[parent] or f'href="./{link}"' in reference[parent], (
+            f"{parent} has no link to {link}"
+        )
     assert 'url=./flipdiagram.html"' in reference["index.html"].replace("url=flip", "url=./flip")
 
 
@@ -63,7 +65,10 @@ def test_every_public_module_has_a_page_that_others_link_to(reference):
         ("blocks/pd", "Inputs x_cmd, x [m or rad] and v_cmd, v [m/s or rad/s], output a_ref"),
         ("blocks/observer", "tau_dis = g/(s+g) [tau + g M_n qd] - g M_n qd"),
         ("blocks/observer", "w[k+1] = e^(-g T) w[k] + (1 - e^(-g T)) (tau[k] + g M_n qd[k])"),
-        ("blocks/observer", "DisturbanceObserver( g_dis: ArrayLike, inertia: ArrayLike, period: float, offset: float = 0.0)"),
+        (
+            "blocks/observer",
+            "DisturbanceObserver( g_dis: ArrayLike, inertia: ArrayLike, period: float, offset: float = 0.0)",
+        ),
         ("blocks/inverse_jacobian", "qdd_ref = J_t^-1 (a_ref - Jdot_t qd)"),
         ("controller", "The four architectures differ by which boxes are present"),
         ("scenario", "position gain (p) [1/s2]"),
@@ -76,7 +81,12 @@ def test_equations_ports_and_units_are_there(page, module, words):
 def test_names_that_only_python_knows_are_not(page):
     for module in filter(None, MODULES):
         text = page(module)
-        assert "𝓣" not in text and "converter: Any" not in text and "ToScalarType" not in text and "Overloaded function" not in text, module
+        assert (
+            "𝓣" not in text
+            and "converter: Any" not in text
+            and "ToScalarType" not in text
+            and "Overloaded function" not in text
+        ), module
 
 
 def test_nothing_names_this_machine(reference):

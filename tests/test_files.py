@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flipdiagram import __version__, files
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.scenario.scenario import Scenario, from_mapping
 
 
@@ -39,7 +39,7 @@ def test_files_get_the_usual_permissions(tmp_path):
 
 def test_what_cannot_be_written_is_one_line(tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(ScenarioError, match="cannot write") as caught:
+    with pytest.raises(InputError, match="cannot write") as caught:
         files.write_atomically(tmp_path / "file" / "a", "text")
     assert str(tmp_path / "file" / "a") in str(caught.value)
 
@@ -79,7 +79,7 @@ def test_checking_an_output_folder_leaves_nothing_behind(tmp_path):
 def test_an_output_folder_that_cannot_be_is_refused(tmp_path, name):
     (tmp_path / "file").touch()
     (tmp_path / "dangling").symlink_to(tmp_path / "nowhere")
-    with pytest.raises(ScenarioError, match="--out = .* valid is a writable folder"):
+    with pytest.raises(InputError, match="--out = .* valid is a writable folder"):
         files.check_output_directory(tmp_path / name)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["dangling", "file"]
 
@@ -90,12 +90,12 @@ def test_an_output_folder_without_permission_is_refused(tmp_path):
     if user == 0:
         os.seteuid(65534)  # root may write everywhere: be nobody for a moment
     try:
-        with pytest.raises(ScenarioError, match="Permission denied"):
+        with pytest.raises(InputError, match="Permission denied"):
             files.check_output_directory(tmp_path / "a")
     finally:
         os.seteuid(user)
 
 
 def test_an_output_folder_on_a_file_system_that_takes_no_files_is_refused():
-    with pytest.raises(ScenarioError, match="cannot be written"):
+    with pytest.raises(InputError, match="cannot be written"):
         files.check_output_directory("/proc/flipdiagram")

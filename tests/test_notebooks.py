@@ -95,9 +95,7 @@ def texts(cell):
 
 
 def test_there_are_notebooks():
-    assert list(NOTEBOOKS) == [
-        "01_turn_over.ipynb", "02_blocks.ipynb", "03_own_controller.ipynb", "04_diagram.ipynb"
-    ]  # fmt: skip
+    assert list(NOTEBOOKS) == ["01_turn_over.ipynb", "02_blocks.ipynb", "03_own_controller.ipynb", "04_diagram.ipynb"]
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=NEEDS.get(name, ())) for name in NOTEBOOKS])

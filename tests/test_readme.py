@@ -33,7 +33,10 @@ def test_the_table_of_claims_is_that_of_the_published_report():
 def test_the_published_report_tells_the_same_as_its_summary():
     """Every claim's row, and no picture that is missing."""
     folder = Path(__file__).parents[1] / "docs" / "report"
-    summary, page = json.loads((folder / "summary.json").read_text()), (folder / "report.md").read_text(encoding="utf-8")
+    summary, page = (
+        json.loads((folder / "summary.json").read_text()),
+        (folder / "report.md").read_text(encoding="utf-8"),
+    )
     for entry in summary["claims"]:
         assert f"| {entry['id']} |" in page
     for name in re.findall(r"!\[[^]]*\]\(([^)]+)\)", page):

@@ -24,7 +24,9 @@ SOURCE = {path.relative_to(ROOT).as_posix() for path in (ROOT / "flipdiagram").r
 
 def run(*command, **settings):
     # neither the checkout nor a pytest of ours may leak into the processes that stand for a user's
-    variables = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "COV_", "PIP_", "MYPY"))}
+    variables = {
+        name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "COV_", "PIP_", "MYPY"))
+    }
     done = subprocess.run([*map(str, command)], capture_output=True, text=True, timeout=120, env=variables, **settings)
     assert done.returncode == 0, f"{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
     return done
@@ -104,11 +106,25 @@ def test_the_installed_package_is_the_wheel_not_the_checkout(environment, tmp_pa
 def test_scenario_and_plan_run_in_another_folder(environment, tmp_path):
     assert "mass: 0.061" in run(environment / "flipdiagram", "scenario", cwd=tmp_path).stdout
     assert "planned motion" in run(environment / "flipdiagram", "plan", cwd=tmp_path).stdout
-    assert {path.name for path in (tmp_path / "out" / "plan").iterdir()} == {"plan.json", "plan.png", "plan.svg", "summary.json"}
+    assert {path.name for path in (tmp_path / "out" / "plan").iterdir()} == {
+        "plan.json",
+        "plan.png",
+        "plan.svg",
+        "summary.json",
+    }
 
 
 def test_a_flip_runs_in_another_folder(environment, tmp_path):
-    words = ("--architecture", "pd+ff+dob", "--quick", "--no-replay", "--simulation.hold_time", "0.2", "--out", "flipped")
+    words = (
+        "--architecture",
+        "pd+ff+dob",
+        "--quick",
+        "--no-replay",
+        "--simulation.hold_time",
+        "0.2",
+        "--out",
+        "flipped",
+    )
     run(environment / "flipdiagram", "flip", *words, cwd=tmp_path)
     written = {path.name for path in (tmp_path / "flipped").iterdir()}
     assert {"pd+ff+dob.nc", "plan.json", "summary.json"} <= written
@@ -118,13 +134,13 @@ def test_a_flip_runs_in_another_folder(environment, tmp_path):
 
 CONSUMER = """
 from flipdiagram.theory.contact import sliding_angle
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.scenario.scenario import Scenario
 
 scenario = Scenario().with_overrides({"controller.k_p": 400.0})
 reveal_type(scenario.controller.k_p)
 reveal_type(scenario.planner.contact_samples)
-reveal_type(ScenarioError.exit_code)
+reveal_type(InputError.exit_code)
 scenario.controller.kp
 sliding_angle("steep")
 """
@@ -133,8 +149,14 @@ sliding_angle("steep")
 def test_a_type_checker_sees_the_types_of_the_installed_package(environment, tmp_path):
     (tmp_path / "consumer.py").write_text(CONSUMER)
     command = [sys.executable, "-m", "mypy", "--python-executable", environment / "python", "--config-file", os.devnull]
-    done = subprocess.run([*map(str, command), "consumer.py"], capture_output=True, text=True, timeout=120, cwd=tmp_path)
+    done = subprocess.run(
+        [*map(str, command), "consumer.py"], capture_output=True, text=True, timeout=120, cwd=tmp_path
+    )
     revealed = re.findall(r'Revealed type is "(.*)"', done.stdout.replace("builtins.", ""))
     assert revealed == ["float", "tuple[int, int]", "int"], done.stdout
     errors = [line for line in done.stdout.splitlines() if ": error:" in line]
-    assert '"Controller" has no attribute "kp"' in errors[0] and errors[1:] and all("sliding_angle" in e for e in errors[1:])
+    assert (
+        '"Controller" has no attribute "kp"' in errors[0]
+        and errors[1:]
+        and all("sliding_angle" in e for e in errors[1:])
+    )

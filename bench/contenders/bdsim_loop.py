@@ -52,20 +52,37 @@ def _diagram(sim: Any, numbers: Numbers, w: float) -> tuple[Any, Any]:
         clock, A=np.array([[numbers.decay]]), B=np.array([[1 - numbers.decay]]), C=np.eye(1), x0=np.zeros(1)
     )
     e_x, e_v, a_ref, force = bd.SUM("+-"), bd.SUM("+-"), bd.SUM("+++"), bd.SUM("++-")
-    k_p, k_v, inertia, damping = (
-        bd.GAIN(value) for value in (s.k_p, s.k_v, s.mass, s.g_dis * numbers.nominal)
-    )
+    k_p, k_v, inertia, damping = (bd.GAIN(value) for value in (s.k_p, s.k_v, s.mass, s.g_dis * numbers.nominal))
     total, inside = bd.SUM("++"), bd.SUM("++")
     gravity = bd.CONSTANT(s.mass * numbers.gravity)
     for block in (x_cmd, v_cmd, a_cmd):
         bd.connect(time, block)
     for source, target in (
-        (x_cmd, e_x[0]), (x, e_x[1]), (v_cmd, e_v[0]), (v, e_v[1]), (e_x, k_p), (e_v, k_v),
-        (k_p, a_ref[0]), (k_v, a_ref[1]), (a_cmd, a_ref[2]), (a_ref, inertia), (v, damping),
-        (inertia, force[0]), (observer, force[1]), (damping, force[2]), (force, total[0]), (gravity, total[1]),
-        (total, v), (total, half_step), (v, mean[0]), (half_step, mean[1]), (mean, x),
-        (force, inside[0]), (damping, inside[1]), (inside, observer),
-    ):  # fmt: skip
+        (x_cmd, e_x[0]),
+        (x, e_x[1]),
+        (v_cmd, e_v[0]),
+        (v, e_v[1]),
+        (e_x, k_p),
+        (e_v, k_v),
+        (k_p, a_ref[0]),
+        (k_v, a_ref[1]),
+        (a_cmd, a_ref[2]),
+        (a_ref, inertia),
+        (v, damping),
+        (inertia, force[0]),
+        (observer, force[1]),
+        (damping, force[2]),
+        (force, total[0]),
+        (gravity, total[1]),
+        (total, v),
+        (total, half_step),
+        (v, mean[0]),
+        (half_step, mean[1]),
+        (mean, x),
+        (force, inside[0]),
+        (damping, inside[1]),
+        (inside, observer),
+    ):
         bd.connect(source, target)
     bd.compile()
     return bd, clock

@@ -22,9 +22,15 @@ def prepare(numbers: Numbers, omega: Array, ticks: int, log: bool) -> Stepper:
         A, B @ np.ones((1, 2)), np.eye(2), 0, T, inputs=["f", "weight"], outputs=["x", "v"], name="plant"
     )
     pd = control.ss(
-        [], [], [], [[s.k_p, s.k_v, 1.0, -s.k_p, -s.k_v]], T,
-        inputs=["x_cmd", "v_cmd", "a_cmd", "x", "v"], outputs=["a_ref"], name="pd",
-    )  # fmt: skip
+        [],
+        [],
+        [],
+        [[s.k_p, s.k_v, 1.0, -s.k_p, -s.k_v]],
+        T,
+        inputs=["x_cmd", "v_cmd", "a_cmd", "x", "v"],
+        outputs=["a_ref"],
+        name="pd",
+    )
     observer = control.ss(
         [[d]], [[1 - d, (1 - d) * damping]], [[1.0]], [[0.0, 0.0]], T, inputs=["f", "v"], outputs=["w"], name="observer"
     )

@@ -68,9 +68,7 @@ def _diagram(jaxonomy: Any, numbers: Numbers) -> tuple[Any, Any, Any]:
                 lambda t, w: -w * jnp.cos(w * t),
                 lambda t, w: w * w * jnp.sin(w * t),
             ):
-                self.declare_output_port(
-                    lambda time, state, omega, wave=wave: wave(time, omega), requires_inputs=False
-                )
+                self.declare_output_port(lambda time, state, omega, wave=wave: wave(time, omega), requires_inputs=False)
 
     class Held(jaxonomy.LeafSystem):  # type: ignore[misc, name-defined]
         """x <- A x + B u, the output is x."""
@@ -94,9 +92,7 @@ def _diagram(jaxonomy: Any, numbers: Numbers) -> tuple[Any, Any, Any]:
     command = add(Command())
     plant = add(Held("plant", A, B))
     observer = add(Held("observer", [[numbers.decay]], [[1 - numbers.decay]]))
-    e_x, e_v, a_ref, force = (
-        add(library.Adder(len(signs), operators=signs)) for signs in ("+-", "+-", "+++", "++-")
-    )
+    e_x, e_v, a_ref, force = (add(library.Adder(len(signs), operators=signs)) for signs in ("+-", "+-", "+++", "++-"))
     total, inside = add(library.Adder(2)), add(library.Adder(2))
     k_p, k_v, inertia, damping = (
         add(library.Gain(value)) for value in (s.k_p, s.k_v, s.mass, s.g_dis * numbers.nominal)
@@ -105,10 +101,26 @@ def _diagram(jaxonomy: Any, numbers: Numbers) -> tuple[Any, Any, Any]:
     x, v = plant.output_ports
     x_cmd, v_cmd, a_cmd = command.output_ports
     for source, block, port in (
-        (x_cmd, e_x, 0), (x, e_x, 1), (v_cmd, e_v, 0), (v, e_v, 1), (e_x, k_p, 0), (e_v, k_v, 0), (k_p, a_ref, 0),
-        (k_v, a_ref, 1), (a_cmd, a_ref, 2), (a_ref, inertia, 0), (v, damping, 0), (inertia, force, 0),
-        (observer, force, 1), (damping, force, 2), (force, total, 0), (weight, total, 1), (total, plant, 0),
-        (force, inside, 0), (damping, inside, 1), (inside, observer, 0),
-    ):  # fmt: skip
+        (x_cmd, e_x, 0),
+        (x, e_x, 1),
+        (v_cmd, e_v, 0),
+        (v, e_v, 1),
+        (e_x, k_p, 0),
+        (e_v, k_v, 0),
+        (k_p, a_ref, 0),
+        (k_v, a_ref, 1),
+        (a_cmd, a_ref, 2),
+        (a_ref, inertia, 0),
+        (v, damping, 0),
+        (inertia, force, 0),
+        (observer, force, 1),
+        (damping, force, 2),
+        (force, total, 0),
+        (weight, total, 1),
+        (total, plant, 0),
+        (force, inside, 0),
+        (damping, inside, 1),
+        (inside, observer, 0),
+    ):
         builder.connect(source.output_ports[0] if hasattr(source, "output_ports") else source, block.input_ports[port])
     return builder.build(), command, plant

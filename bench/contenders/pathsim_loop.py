@@ -52,12 +52,24 @@ def _simulation(numbers: Numbers, w: float) -> tuple[Any, Any]:
     )
     connect = pathsim.Connection
     connections = [
-        connect(x_cmd, e_x[0]), connect(plant[0], e_x[1]), connect(v_cmd, e_v[0]), connect(plant[1], e_v[1], damping),
-        connect(e_x, k_p), connect(e_v, k_v), connect(k_p, a_ref[0]), connect(k_v, a_ref[1]), connect(a_cmd, a_ref[2]),
-        connect(a_ref, inertia), connect(inertia, force[0]), connect(observer, force[1]),
-        connect(damping, force[2], inside[1]), connect(force, total[0], inside[0]), connect(weight, total[1]),
-        connect(total, plant), connect(inside, observer),
-    ]  # fmt: skip
+        connect(x_cmd, e_x[0]),
+        connect(plant[0], e_x[1]),
+        connect(v_cmd, e_v[0]),
+        connect(plant[1], e_v[1], damping),
+        connect(e_x, k_p),
+        connect(e_v, k_v),
+        connect(k_p, a_ref[0]),
+        connect(k_v, a_ref[1]),
+        connect(a_cmd, a_ref[2]),
+        connect(a_ref, inertia),
+        connect(inertia, force[0]),
+        connect(observer, force[1]),
+        connect(damping, force[2], inside[1]),
+        connect(force, total[0], inside[0]),
+        connect(weight, total[1]),
+        connect(total, plant),
+        connect(inside, observer),
+    ]
     own = [x_cmd, v_cmd, a_cmd, weight, plant, observer, e_x, e_v, a_ref, force, total, inside]
     own += [k_p, k_v, inertia, damping]
 

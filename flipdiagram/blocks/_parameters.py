@@ -8,12 +8,12 @@ arrays of other scalars (dtype object) are checked for their shape alone.
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydrake.systems.framework import BasicVector_, DependencyTicket, NumericParameterIndex
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.arrays import Array
+from flipdiagram.errors import InputError
 
-Array = NDArray[Any]
 """Floats, or objects of AutoDiffXd or Expression."""
 
 # Names for the reader: pydrake's stubs type arrays as ndarray[float64], which fits no array and no other T.
@@ -30,7 +30,7 @@ def channels(
 ) -> Array:
     """A vector of one number per channel, shape (size,); a single number is repeated for every channel.
 
-    Raises ScenarioError, naming ``name`` and the value, for a wrong shape, a value that is not finite, one
+    Raises InputError, naming ``name`` and the value, for a wrong shape, a value that is not finite, one
     below ``minimum``, or (``strict``) one equal to it.
     """
     vector = np.atleast_1d(np.array(value))
@@ -38,45 +38,45 @@ def channels(
         vector = np.repeat(vector, size)
     if vector.ndim != 1 or vector.size == 0 or (size is not None and vector.size != size):
         wanted = "at least one channel" if size is None else f"{size} channels"
-        raise ScenarioError(f"{name} has shape {np.shape(value)}; give a vector of {wanted}")
+        raise InputError(f"{name} has shape {np.shape(value)}; give a vector of {wanted}")
     if vector.dtype == object:
         return vector
     vector = vector.astype(float)
     valid = np.isfinite(vector) & ((vector > minimum) if strict else (vector >= minimum))
     if not valid.all():
         bound = f"{'>' if strict else '>='} {minimum:g}"
-        raise ScenarioError(f"{name} = {vector.tolist()}; every entry must be finite and {bound}")
+        raise InputError(f"{name} = {vector.tolist()}; every entry must be finite and {bound}")
     return vector
 
 
 def nominal_inertia(value: ArrayLike) -> Array:
     """A nominal inertia [kg m^2] (or [kg]): diagonal (n,) > 0, or symmetric positive definite matrix (n, n).
 
-    Raises ScenarioError, naming the value, otherwise.
+    Raises InputError, naming the value, otherwise.
     """
     inertia = np.atleast_1d(np.array(value))
     if inertia.ndim == 1:
         return channels("nominal inertia", inertia, strict=True)
     if inertia.ndim != 2 or inertia.shape[0] != inertia.shape[1]:
-        raise ScenarioError(f"nominal inertia has shape {inertia.shape}; give (n,) for a diagonal or (n, n)")
+        raise InputError(f"nominal inertia has shape {inertia.shape}; give (n,) for a diagonal or (n, n)")
     if inertia.dtype == object:
         return inertia
     inertia = inertia.astype(float)
     symmetric = np.isfinite(inertia).all() and np.allclose(inertia, inertia.T)
     if not symmetric or np.linalg.eigvalsh(inertia).min() <= 0.0:
-        raise ScenarioError(f"nominal inertia = {inertia.tolist()}; it must be symmetric positive definite")
+        raise InputError(f"nominal inertia = {inertia.tolist()}; it must be symmetric positive definite")
     return inertia
 
 
 def same_form(inertia: Array, built: Array) -> Array:
     """``inertia`` in the form of ``built``: a diagonal (n,) is spread to (n, n) where a matrix was built.
 
-    Raises ScenarioError, naming both shapes, where the numbers do not fit.
+    Raises InputError, naming both shapes, where the numbers do not fit.
     """
     if inertia.ndim == 1 and built.shape == (inertia.size, inertia.size):
         return np.diag(inertia)
     if inertia.shape != built.shape:
-        raise ScenarioError(f"nominal inertia has shape {inertia.shape}; valid here is {built.shape}")
+        raise InputError(f"nominal inertia has shape {inertia.shape}; valid here is {built.shape}")
     return inertia
 
 
@@ -87,11 +87,11 @@ def times_inertia(inertia: Array, vector: Array) -> Array:
 
 
 def sampling(period: float, offset: float) -> tuple[float, float]:
-    """A period > 0 and an offset >= 0 [s] of a sampled block, as floats; else raises ScenarioError."""
+    """A period > 0 and an offset >= 0 [s] of a sampled block, as floats; else raises InputError."""
     if not (np.isfinite(period) and period > 0.0):
-        raise ScenarioError(f"period = {period} s; it must be finite and > 0")
+        raise InputError(f"period = {period} s; it must be finite and > 0")
     if not (np.isfinite(offset) and offset >= 0.0):
-        raise ScenarioError(f"offset = {offset} s; it must be finite and >= 0")
+        raise InputError(f"offset = {offset} s; it must be finite and >= 0")
     return float(period), float(offset)
 
 

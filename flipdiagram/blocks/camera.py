@@ -9,7 +9,7 @@ from pydrake.multibody.tree import Frame, RigidBody
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from flipdiagram.blocks._parameters import sampling
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 
 class Camera(LeafSystem):
@@ -32,7 +32,7 @@ class Camera(LeafSystem):
     ) -> None:
         super().__init__()
         if not (noise >= 0 and delay >= 0):
-            raise ScenarioError(f"noise = {noise} m, delay = {delay} s; valid are numbers of at least 0")
+            raise InputError(f"noise = {noise} m, delay = {delay} s; valid are numbers of at least 0")
         self.period, self.offset = sampling(period, offset)
         self.noise, self.seed = float(noise), int(seed)
         self.pictures = max(1, round(delay / period))

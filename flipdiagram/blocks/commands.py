@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from flipdiagram.arrays import Array
 from flipdiagram.blocks._parameters import (
-    Array,
     ScalarContext,
     ScalarDiscreteValues,
     ScalarVector,
@@ -17,7 +17,7 @@ from flipdiagram.blocks._parameters import (
     declare_parameter,
     sampling,
 )
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 MODULUS, MULTIPLIER = 2147483647.0, 16807.0
 """Park and Miller's minimal standard generator: every product stays below 2^53, so doubles compute it exactly."""
@@ -145,14 +145,12 @@ def BroadbandNoise_(T: Any) -> type:
             n = self.rms.size
             self.seed = channels("seed", seed, n, minimum=1.0)
             if T is float and not ((self.seed < MODULUS) & (self.seed == np.floor(self.seed))).all():
-                raise ScenarioError(f"seed = {self.seed.tolist()}; valid are whole numbers from 1 to 2147483646")
+                raise InputError(f"seed = {self.seed.tolist()}; valid are whole numbers from 1 to 2147483646")
             self.period, _ = sampling(period, 0.0)
             self._rms, rms_ticket = declare_parameter(self, T, self.rms)
             state = self.DeclareDiscreteState(np.array([T(seed) for seed in self.seed]))
             self.DeclarePeriodicDiscreteUpdateEvent(self.period, 0.0, self._update)
-            self.DeclareVectorOutputPort(
-                "noise", n, self._calc_noise, {self.discrete_state_ticket(state), rms_ticket}
-            )
+            self.DeclareVectorOutputPort("noise", n, self._calc_noise, {self.discrete_state_ticket(state), rms_ticket})
 
         def _construct_copy(self, other: Any, converter: Any = None) -> None:
             Impl._construct(self, other.rms, other.period, other.seed, converter=converter)

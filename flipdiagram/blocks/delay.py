@@ -8,7 +8,7 @@ from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from flipdiagram.blocks._parameters import ScalarContext, ScalarDiscreteValues, ScalarVector, channels, sampling
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 
 @TemplateSystem.define("Delay_")
@@ -28,7 +28,7 @@ def Delay_(T: Any) -> type:
         ) -> None:
             LeafSystem_[T].__init__(self, converter=converter)
             if periods < 1:
-                raise ScenarioError(f"periods = {periods} is not valid; valid is a whole number of at least 1")
+                raise InputError(f"periods = {periods} is not valid; valid is a whole number of at least 1")
             self.num_channels, self.periods = num_channels, periods
             self.period, self.offset = sampling(period, offset)
             self._u = self.DeclareVectorInputPort("u", num_channels)

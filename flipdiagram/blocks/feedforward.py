@@ -6,14 +6,8 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from flipdiagram.blocks._parameters import (
-    Array,
-    ScalarContext,
-    ScalarVector,
-    channels,
-    declare_parameter,
-    write_parameter,
-)
+from flipdiagram.arrays import Array
+from flipdiagram.blocks._parameters import ScalarContext, ScalarVector, channels, declare_parameter, write_parameter
 
 
 def feedforward_acceleration(k_ff: Array, a_cmd: Array) -> Array:
@@ -37,9 +31,7 @@ def AccelerationFeedforward_(T: Any) -> type:
             self.k_ff = channels("k_ff", k_ff, num_channels)
             self._k_ff, k_ff_ticket = declare_parameter(self, T, self.k_ff)
             self._a_cmd = self.DeclareVectorInputPort("a_cmd", num_channels)
-            self.DeclareVectorOutputPort(
-                "a_ff", num_channels, self._calc_a_ff, {self._a_cmd.ticket(), k_ff_ticket}
-            )
+            self.DeclareVectorOutputPort("a_ff", num_channels, self._calc_a_ff, {self._a_cmd.ticket(), k_ff_ticket})
 
         def _construct_copy(self, other: Any, converter: Any = None) -> None:
             Impl._construct(self, other.k_ff.size, other.k_ff, converter=converter)

@@ -7,15 +7,9 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from flipdiagram.blocks._parameters import (
-    Array,
-    ScalarContext,
-    ScalarVector,
-    channels,
-    declare_parameter,
-    write_parameter,
-)
-from flipdiagram.errors import ScenarioError
+from flipdiagram.arrays import Array
+from flipdiagram.blocks._parameters import ScalarContext, ScalarVector, channels, declare_parameter, write_parameter
+from flipdiagram.errors import InputError
 
 
 def friction_torque(qd: Array, tau_c: Array, d: Array, v_s: Array) -> Array:
@@ -39,7 +33,7 @@ def stable_transition_velocity(tau_c: ArrayLike, inertia: ArrayLike, step: float
     break-away is no higher than sliding friction. A larger v_s creeps more, a smaller one than this chatters.
     """
     if not (np.isfinite(step) and step > 0.0):
-        raise ScenarioError(f"step = {step} s; it must be finite and > 0")
+        raise InputError(f"step = {step} s; it must be finite and > 0")
     coulomb = channels("tau_c", tau_c)
     return coulomb * step / channels("inertia", inertia, coulomb.size, strict=True)
 
@@ -67,10 +61,7 @@ def JointFriction_(T: Any) -> type:
             self._v_s, v_s_ticket = declare_parameter(self, T, self.v_s)
             self._qd = self.DeclareVectorInputPort("qd", n)
             self.DeclareVectorOutputPort(
-                "tau_friction",
-                n,
-                self._calc_tau_friction,
-                {self._qd.ticket(), tau_c_ticket, d_ticket, v_s_ticket},
+                "tau_friction", n, self._calc_tau_friction, {self._qd.ticket(), tau_c_ticket, d_ticket, v_s_ticket}
             )
 
         def _construct_copy(self, other: Any, converter: Any = None) -> None:

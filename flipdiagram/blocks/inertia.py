@@ -35,9 +35,7 @@ def NominalInertia_(T: Any) -> type:
             n = len(self.inertia)
             self._inertia, inertia_ticket = declare_parameter(self, T, self.inertia)
             self._qdd_ref = self.DeclareVectorInputPort("qdd_ref", n)
-            self.DeclareVectorOutputPort(
-                "tau_ref", n, self._calc_tau_ref, {self._qdd_ref.ticket(), inertia_ticket}
-            )
+            self.DeclareVectorOutputPort("tau_ref", n, self._calc_tau_ref, {self._qdd_ref.ticket(), inertia_ticket})
 
         def _construct_copy(self, other: Any, converter: Any = None) -> None:
             Impl._construct(self, other.inertia, converter=converter)

@@ -7,8 +7,9 @@ import pydrake.math as scalar_math
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from flipdiagram.blocks._parameters import Array, ScalarContext, ScalarVector, channels
-from flipdiagram.errors import ScenarioError, SimulationError
+from flipdiagram.arrays import Array
+from flipdiagram.blocks._parameters import ScalarContext, ScalarVector, channels
+from flipdiagram.errors import InputError, SimulationError
 
 
 def joint_acceleration(jacobian: Array, bias: Array, a_ref: Array, inner: Array | None = None) -> Array:
@@ -65,7 +66,7 @@ def InverseJacobian_(T: Any) -> type:
         ) -> None:
             LeafSystem_[T].__init__(self, converter=converter)
             if num_joints < num_coordinates:
-                raise ScenarioError(
+                raise InputError(
                     f"num_joints = {num_joints}; {num_coordinates} coordinates need at least as many joints"
                 )
             self.arm, self.num_joints, self.num_coordinates = arm, num_joints, num_coordinates

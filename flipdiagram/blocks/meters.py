@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from flipdiagram.arrays import Array
 from flipdiagram.blocks._parameters import (
-    Array,
     ScalarContext,
     ScalarDiscreteValues,
     ScalarVector,

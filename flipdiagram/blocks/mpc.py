@@ -9,9 +9,9 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
 
+from flipdiagram.arrays import Floats
 from flipdiagram.blocks._commands import CHANNELS, Commands, declare_commands, standing
 from flipdiagram.planning.plan import Plan
-from flipdiagram.theory.contact import Floats
 
 __all__ = ["CHANNELS", "ModelPredictiveController"]
 

@@ -9,8 +9,8 @@ from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from flipdiagram.arrays import Array
 from flipdiagram.blocks._parameters import (
-    Array,
     ScalarContext,
     ScalarDiscreteValues,
     ScalarVector,
@@ -19,7 +19,7 @@ from flipdiagram.blocks._parameters import (
     sampling,
     write_parameter,
 )
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 PAGE = 256
 """Ticks drawn at a time: to begin a generator takes longer than to draw this many numbers."""
@@ -56,7 +56,7 @@ def SensorNoise_(T: Any) -> type:
         ``deviation`` [unit of u] >= 0, one number per channel, is a numeric parameter of the Context; ``seed`` >= 0,
         ``stream`` >= 0 tells apart sensors with one seed; ``period`` and ``offset`` in [s].  The state counts the
         ticks: w changes at offset + k period and is held between, so all who read at a tick read the same.  Input
-        ``u``, which feeds through, output ``y``: shape (n,).  Raises ScenarioError for a bad number.
+        ``u``, which feeds through, output ``y``: shape (n,).  Raises InputError for a bad number.
         """
 
         def _construct(
@@ -104,7 +104,7 @@ def SensorNoise_(T: Any) -> type:
 
 def _whole(name: str, value: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
-        raise ScenarioError(f"{name} = {value!r} is not valid; valid is a whole number of at least 0")
+        raise InputError(f"{name} = {value!r} is not valid; valid is a whole number of at least 0")
     return int(value)
 
 

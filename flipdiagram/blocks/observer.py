@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from flipdiagram.arrays import Array
 from flipdiagram.blocks._parameters import (
-    Array,
     ScalarContext,
     ScalarDiscreteValues,
     ScalarVector,
@@ -22,9 +22,7 @@ from flipdiagram.blocks._parameters import (
 )
 
 
-def next_observer_state(
-    w: Array, g_dis: Array, inertia: Array, period: float, tau: Array, qd: Array
-) -> Array:
+def next_observer_state(w: Array, g_dis: Array, inertia: Array, period: float, tau: Array, qd: Array) -> Array:
     """w[k+1] = e^(-g T) w[k] + (1 - e^(-g T)) (tau[k] + g M_n qd[k]), T the ``period`` [s].
 
     The low-pass g/(s+g), exact for inputs held over T.
@@ -65,12 +63,7 @@ def DisturbanceObserver_(T: Any) -> type:
         """
 
         def _construct(
-            self,
-            g_dis: ArrayLike,
-            inertia: ArrayLike,
-            period: float,
-            offset: float = 0.0,
-            converter: Any = None,
+            self, g_dis: ArrayLike, inertia: ArrayLike, period: float, offset: float = 0.0, converter: Any = None
         ) -> None:
             LeafSystem_[T].__init__(self, converter=converter)
             self.inertia = nominal_inertia(inertia)
@@ -101,9 +94,7 @@ def DisturbanceObserver_(T: Any) -> type:
             """Sets M_n [kg m^2] in ``context``; a matrix only where the block was built with a matrix."""
             write_parameter(context, self._inertia, same_form(nominal_inertia(inertia), self.inertia))
 
-        def set_initial_estimate(
-            self, context: ScalarContext, qd: ArrayLike, tau_dis: ArrayLike = 0.0
-        ) -> None:
+        def set_initial_estimate(self, context: ScalarContext, qd: ArrayLike, tau_dis: ArrayLike = 0.0) -> None:
             """Sets the state: at the velocity ``qd`` [rad/s] tau_dis is ``tau_dis`` [N m], shapes (n,)."""
             n = self.g_dis.size
             qd = channels("qd", qd, n, minimum=-np.inf)
@@ -120,9 +111,7 @@ def DisturbanceObserver_(T: Any) -> type:
             g_dis, inertia = self._parameters(context)
             w = context.get_discrete_state_vector().CopyToVector()
             discrete_values.set_value(
-                next_observer_state(
-                    w, g_dis, inertia, self.period, self._tau.Eval(context), self._qd.Eval(context)
-                )
+                next_observer_state(w, g_dis, inertia, self.period, self._tau.Eval(context), self._qd.Eval(context))
             )
 
         def _calc_tau_dis(self, context: ScalarContext, output: ScalarVector) -> None:

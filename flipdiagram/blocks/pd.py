@@ -6,14 +6,8 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from flipdiagram.blocks._parameters import (
-    Array,
-    ScalarContext,
-    ScalarVector,
-    channels,
-    declare_parameter,
-    write_parameter,
-)
+from flipdiagram.arrays import Array
+from flipdiagram.blocks._parameters import ScalarContext, ScalarVector, channels, declare_parameter, write_parameter
 
 
 def feedback_acceleration(k_p: Array, k_v: Array, x_cmd: Array, v_cmd: Array, x: Array, v: Array) -> Array:
@@ -50,9 +44,7 @@ def ProportionalDerivative_(T: Any) -> type:
         def _construct_copy(self, other: Any, converter: Any = None) -> None:
             Impl._construct(self, other.k_p, other.k_v, converter=converter)
 
-        def set_gains(
-            self, context: ScalarContext, k_p: ArrayLike | None = None, k_v: ArrayLike | None = None
-        ) -> None:
+        def set_gains(self, context: ScalarContext, k_p: ArrayLike | None = None, k_v: ArrayLike | None = None) -> None:
             """Sets the gains given, k_p [1/s^2] and k_v [1/s], shape (n,) or one number, in ``context``."""
             if k_p is not None:
                 write_parameter(context, self._k_p, channels("k_p", k_p, self.k_p.size))

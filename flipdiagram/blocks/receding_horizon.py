@@ -12,11 +12,11 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
 
+from flipdiagram.arrays import Floats
 from flipdiagram.blocks._commands import CHANNELS, Commands, declare_commands, standing
-from flipdiagram.errors import PlanningError, ScenarioError
+from flipdiagram.errors import InputError, PlanningError
 from flipdiagram.planning.command import Command, of_object
 from flipdiagram.planning.plan import Plan
-from flipdiagram.theory.contact import Floats
 
 SAME_PLACE = 1e-9
 """Distance [m, rad] below which the tool stands where the plan begins."""
@@ -75,7 +75,7 @@ class Timing:
 
     def __post_init__(self) -> None:
         if not (self.period > 0 and self.delay >= 0 and self.blend > 0 and self.early > 0):
-            raise ScenarioError(f"{self} is not valid; valid are period, blend and early above 0, delay at least 0")
+            raise InputError(f"{self} is not valid; valid are period, blend and early above 0, delay at least 0")
 
 
 class RecedingHorizonController(LeafSystem):
@@ -191,9 +191,11 @@ class RecedingHorizonController(LeafSystem):
         except PlanningError:
             return replace(kept, status=Status.FAILED)
         found = replace(
-            kept, solve_time=plan.solve_time, iterations=plan.iterations,
+            kept,
+            solve_time=plan.solve_time,
+            iterations=plan.iterations,
             margin=plan.friction_angle - plan.max_sliding_angle,
-        )  # fmt: skip
+        )
         if self.timing.deadline is not None and plan.solve_time > self.timing.deadline:
             return replace(found, status=Status.LATE)
         following = Command(plan, begins, shift=shift).led_over_from(command, self.timing.blend)
@@ -213,4 +215,3 @@ class RecedingHorizonController(LeafSystem):
             output[0] = read(self.horizon(context))
 
         return write
-

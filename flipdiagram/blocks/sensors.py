@@ -9,8 +9,8 @@ from pydrake.symbolic import Formula, if_then_else
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from flipdiagram.arrays import Array
 from flipdiagram.blocks._parameters import (
-    Array,
     ScalarContext,
     ScalarDiscreteValues,
     ScalarVector,
@@ -75,9 +75,7 @@ def Encoder_(T: Any) -> type:
             n = self.resolution.size
             self._resolution, resolution_ticket = declare_parameter(self, T, self.resolution)
             self._q = self.DeclareVectorInputPort("q", n)
-            self.DeclareVectorOutputPort(
-                "q_measured", n, self._calc_q_measured, {self._q.ticket(), resolution_ticket}
-            )
+            self.DeclareVectorOutputPort("q_measured", n, self._calc_q_measured, {self._q.ticket(), resolution_ticket})
 
         def _construct_copy(self, other: Any, converter: Any = None) -> None:
             Impl._construct(self, other.resolution, converter=converter)
@@ -107,9 +105,7 @@ def PseudoDerivative_(T: Any) -> type:
         Input ``q`` [rad], which feeds through, output ``v`` [rad/s]: shape (n,).
         """
 
-        def _construct(
-            self, g_v: ArrayLike, period: float, offset: float = 0.0, converter: Any = None
-        ) -> None:
+        def _construct(self, g_v: ArrayLike, period: float, offset: float = 0.0, converter: Any = None) -> None:
             LeafSystem_[T].__init__(self, converter=converter)
             self.g_v = channels("g_v", g_v)
             n = self.g_v.size

@@ -23,9 +23,7 @@ def ToolKinematics_(T: Any) -> type:
         read; so both depend on both inputs.
         """
 
-        def _construct(
-            self, arm: Any, num_joints: int = 6, num_coordinates: int = 6, converter: Any = None
-        ) -> None:
+        def _construct(self, arm: Any, num_joints: int = 6, num_coordinates: int = 6, converter: Any = None) -> None:
             LeafSystem_[T].__init__(self, converter=converter)
             self.arm, self.num_joints, self.num_coordinates = arm, num_joints, num_coordinates
             self._scalar_arm = arm if T is float else arm.to_scalar(T)
@@ -44,9 +42,7 @@ def ToolKinematics_(T: Any) -> type:
             Impl._construct(self, other.arm, other.num_joints, other.num_coordinates, converter=converter)
 
         def _calc_kinematics(self, context: ScalarContext, value: Any) -> None:
-            value.set_value(
-                self._scalar_arm.task_position_velocity(self._q.Eval(context), self._qd.Eval(context))
-            )
+            value.set_value(self._scalar_arm.task_position_velocity(self._q.Eval(context), self._qd.Eval(context)))
 
         def _calc_x(self, context: ScalarContext, output: ScalarVector) -> None:
             output.set_value(self._kinematics.Eval(context)[0])

@@ -8,14 +8,8 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from flipdiagram.blocks._parameters import (
-    Array,
-    ScalarContext,
-    ScalarVector,
-    channels,
-    declare_parameter,
-    write_parameter,
-)
+from flipdiagram.arrays import Array
+from flipdiagram.blocks._parameters import ScalarContext, ScalarVector, channels, declare_parameter, write_parameter
 
 
 def limited_torque(tau_cmd: Array, tau_max: Array) -> Array:
@@ -23,8 +17,7 @@ def limited_torque(tau_cmd: Array, tau_max: Array) -> Array:
     if tau_cmd.dtype != object:
         return np.minimum(np.maximum(tau_cmd, -tau_max), tau_max)  # half the time of np.clip on small arrays
     clipped = [
-        scalar_math.min(scalar_math.max(tau, -limit), limit)
-        for tau, limit in zip(tau_cmd, tau_max, strict=True)
+        scalar_math.min(scalar_math.max(tau, -limit), limit) for tau, limit in zip(tau_cmd, tau_max, strict=True)
     ]
     return np.array(clipped, dtype=object)
 

@@ -82,10 +82,17 @@ def _pairs(data: xr.Dataset, names: list[str]) -> list[dict[str, Any]]:
         difference, low, high = paired_difference(both, first, second, neither)
         found.append(
             {
-                "first": one, "second": other, "trials": int(counted.sum()), "first_only": first, "second_only": second,
-                "difference": difference, "low": low, "high": high, "p": mcnemar(first, second),
+                "first": one,
+                "second": other,
+                "trials": int(counted.sum()),
+                "first_only": first,
+                "second_only": second,
+                "difference": difference,
+                "low": low,
+                "high": high,
+                "p": mcnemar(first, second),
             }
-        )  # fmt: skip
+        )
     for entry, adjusted in zip(found, holm([entry["p"] for entry in found]), strict=True):
         entry["p_holm"] = adjusted
     return found

@@ -12,7 +12,7 @@ from flipdiagram.campaign.reading import Source, parse, read
 from flipdiagram.campaign.sampling import SAMPLERS
 from flipdiagram.campaign.specification import UNKNOWN_SECTIONS, Dimension, Specification, elements_of, value_of
 from flipdiagram.diagrams.loop import build_loop
-from flipdiagram.errors import FlipdiagramError, ScenarioError
+from flipdiagram.errors import FlipdiagramError, InputError
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, field_paths, from_mapping, load
 from flipdiagram.scenario.text import unknown_field
 
@@ -47,7 +47,7 @@ def from_text(text: str, name: str = "campaign.yaml") -> Specification:
 
 
 def specification(source: Source, folder: Path, changes: Mapping[str, Any] | None = None) -> Specification:
-    """Check everything of a campaign that can be known before it runs; raises ScenarioError with the line."""
+    """Check everything of a campaign that can be known before it runs; raises InputError with the line."""
     for key in source.data:
         if key not in KEYS:
             raise source.error([str(key)], f"unknown key {key!r}; valid are {', '.join(KEYS)}")
@@ -84,7 +84,7 @@ def estimated_hours(specification: Specification, jobs: int) -> float:
 
 
 def check_estimate(specification: Specification, jobs: int, share: float = 1.0) -> None:
-    """ScenarioError where a share of the campaign, as what is missing, would take longer than its `limit_hours`."""
+    """InputError where a share of the campaign, as what is missing, would take longer than its `limit_hours`."""
     hours = estimated_hours(specification, jobs) * share
     if hours <= specification.limit_hours:
         return
@@ -102,7 +102,7 @@ def _base(source: Source, folder: Path) -> Scenario:
             beside = folder / given
             return load(beside if beside.is_file() else given)
         return from_mapping(given or {})
-    except ScenarioError as error:
+    except InputError as error:
         raise source.error(_named("base", str(error)), str(error)) from None
 
 
@@ -217,7 +217,7 @@ def _check_scenarios(source: Source, found: Specification) -> None:
         try:
             truth = found.truth(trial)
             found.believed(trial)
-        except ScenarioError as error:
+        except InputError as error:
             raise source.error(path, str(error)) from None
         if len(ends) <= BUILT or k % -(-len(ends) // BUILT) == 0:
             _try_loop(source, path, truth)
@@ -227,14 +227,14 @@ def _check_scenarios(source: Source, found: Specification) -> None:
         try:
             found.truth(trial)
             found.believed(trial)
-        except ScenarioError as error:
+        except InputError as error:
             raise source.error(_named("vary", str(error)), f"trial {index}: {error}") from None
 
 
 def _try_loop(source: Source, path: list[str], scenario: Scenario) -> None:
     try:
         build_loop(scenario)
-    except ScenarioError as error:
+    except InputError as error:
         raise source.error(path, str(error)) from None
     except FlipdiagramError:
         return  # no motion from there: an outcome
@@ -246,5 +246,3 @@ def _named(key: str, message: str) -> list[str]:
     if field is None:
         return [key]
     return [key, f"{field[1]}.{field[2]}"] if key == "vary" else [key, field[1], field[2]]
-
-

@@ -16,7 +16,7 @@ from flipdiagram.campaign.modes import mode_of
 from flipdiagram.campaign.opening import begun
 from flipdiagram.campaign.results import Results, Row
 from flipdiagram.campaign.specification import Specification, Trial, scenario_digest
-from flipdiagram.errors import ScenarioError, SimulationError
+from flipdiagram.errors import InputError, SimulationError
 from flipdiagram.flips.driver import WORK, Job, fly_all
 from flipdiagram.flips.engines import engine
 from flipdiagram.flips.flips import Clock
@@ -56,7 +56,7 @@ def run(
     """Fly every trial under every architecture into `out`/campaign.sqlite; with `resume` those that are missing there.
 
     jobs: processes, by default one a core; scheduler: address of a Dask scheduler instead; yes: even if it takes longer
-    than the limit; any_version: go on although code or versions have changed.  Raises ScenarioError for a file that
+    than the limit; any_version: go on although code or versions have changed.  Raises InputError for a file that
     cannot be used, SimulationError where the cluster is lost; all that had ended is kept.
     """
     begin, file = time.monotonic(), Path(out) / FILE
@@ -68,7 +68,7 @@ def run(
             check_estimate(specification, width)
         results = stack.enter_context(begun(file, specification, meta, resume))
         if results.meta()["code"] != code and not any_version:
-            raise ScenarioError(
+            raise InputError(
                 f"'{file}' was begun with other code or versions ({results.meta()['versions']});"
                 " valid is the same installation, another --out, or --any-version"
             )
@@ -98,7 +98,7 @@ def _check_draws(specification: Specification, done: Mapping[tuple[int, str], st
     for index, name in list(done)[:: -(-len(done) // COMPARED) or 1]:
         truth = specification.truth(specification.trial(index))
         if scenario_digest(truth) != done[index, name]:
-            raise ScenarioError(
+            raise InputError(
                 f"'{file}': trial {index} is drawn differently now (another version of scipy or of the scenario?);"
                 " valid is the installation with which it was begun, or another --out"
             )

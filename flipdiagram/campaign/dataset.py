@@ -13,14 +13,22 @@ from flipdiagram.campaign.modes import SUCCESS
 from flipdiagram.campaign.opening import opened
 from flipdiagram.campaign.results import Row
 from flipdiagram.campaign.specification import numeric
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.files import atomic_path
 
 METRICS = {
-    "position_rmse_m": "m", "angle_rmse_rad": "rad", "acceleration_rmse_m_s2": "m/s^2", "max_slip_m": "m",
-    "max_lift_off_m": "m", "velocity_delay_s": "s", "endpoint_vibration_m_s": "m/s", "release_time_s": "s",
-    "release_angle_rad": "rad", "saturated_s": "s", "torque_use": "1",
-}  # fmt: skip
+    "position_rmse_m": "m",
+    "angle_rmse_rad": "rad",
+    "acceleration_rmse_m_s2": "m/s^2",
+    "max_slip_m": "m",
+    "max_lift_off_m": "m",
+    "velocity_delay_s": "s",
+    "endpoint_vibration_m_s": "m/s",
+    "release_time_s": "s",
+    "release_angle_rad": "rad",
+    "saturated_s": "s",
+    "torque_use": "1",
+}
 """Metrics of a flip that become variables, with their units; torque_use: largest torque of any joint over its limit."""
 FORMATS = {".csv": "CSV", ".parquet": "Parquet", ".nc": "NetCDF"}
 
@@ -93,11 +101,11 @@ def parameters_of(data: xr.Dataset) -> list[str]:
 def export(path: str | Path, target: str | Path) -> Path:
     """Write a campaign's file as .csv or .parquet, one row a flip, or as .nc; returns the path written.
 
-    Raises ScenarioError for another ending, or where Parquet needs a package that is not installed.
+    Raises InputError for another ending, or where Parquet needs a package that is not installed.
     """
     target = Path(target)
     if target.suffix not in FORMATS:
-        raise ScenarioError(f"--export = '{target}' is not valid; valid is a name that ends with {', '.join(FORMATS)}")
+        raise InputError(f"--export = '{target}' is not valid; valid is a name that ends with {', '.join(FORMATS)}")
     data = load_dataset(path)
     with atomic_path(target) as temporary:
         if target.suffix == ".nc":
@@ -114,7 +122,7 @@ def export(path: str | Path, target: str | Path) -> Path:
         try:
             frame.to_parquet(temporary, index=False)
         except ImportError:
-            raise ScenarioError(
+            raise InputError(
                 f"--export = '{target}' needs pyarrow, which is not installed; install it with: pip install pyarrow,"
                 " or export .csv"
             ) from None

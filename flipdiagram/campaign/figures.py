@@ -21,10 +21,19 @@ from flipdiagram.figures.motion import NAMES, RC, STYLES, save
 Summary = Mapping[str, Any]
 
 COLOURS = {
-    SUCCESS: "#009E73", "slid off": "#E69F00", "tipped": "#F0E442", "hit the table": "#D55E00",
-    "wrong angle": "#CC79A7", "never landed": "#8C564B", "torque limit": "#332288", "no plan": "#BBBBBB",
-    "diverged": "#000000", "refused": "#777777", "timeout": "#56B4E9", "crashed": "#0072B2",
-}  # fmt: skip
+    SUCCESS: "#009E73",
+    "slid off": "#E69F00",
+    "tipped": "#F0E442",
+    "hit the table": "#D55E00",
+    "wrong angle": "#CC79A7",
+    "never landed": "#8C564B",
+    "torque limit": "#332288",
+    "no plan": "#BBBBBB",
+    "diverged": "#000000",
+    "refused": "#777777",
+    "timeout": "#56B4E9",
+    "crashed": "#0072B2",
+}
 """Of the outcomes, in the order of `MODES`; Okabe and Ito's and Tol's, which colour-blind readers can tell apart."""
 MOST_PARAMETERS = 10
 TARGETS = {"success": "turned over", "position_rmse_m": "position RMSE"}
@@ -65,8 +74,15 @@ def plot_success(summary: Summary) -> Figure:
                 right.barh(k, share, left=start, color=COLOURS[mode], label=label, height=0.65, edgecolor="white")
                 if share >= 7:
                     light = np.dot(to_rgba(COLOURS[mode])[:3], (0.3, 0.6, 0.1)) > 0.5
-                    right.text(start + share / 2, k, f"{share:.0f}", ha="center", va="center",
-                               color="black" if light else "white", fontsize=8)  # fmt: skip
+                    right.text(
+                        start + share / 2,
+                        k,
+                        f"{share:.0f}",
+                        ha="center",
+                        va="center",
+                        color="black" if light else "white",
+                        fontsize=8,
+                    )
                 start += share
         left.set_yticks(range(len(names)), [NAMES[name] for name in names])
         left.set(xlim=(-2, 102), xlabel="turned over [%], 95 % interval", ylim=(-0.6, len(names) - 0.4))
@@ -129,8 +145,15 @@ def plot_map(summary: Summary) -> Figure:
             image = ax.imshow(rate, origin="lower", aspect="auto", cmap="viridis", vmin=0, vmax=100)
             for (j, i), count in np.ndenumerate(trials):
                 if count:
-                    ax.text(i, j, f"{count:.0f}", ha="center", va="center", fontsize=7,
-                            color="black" if rate[j, i] > 55 else "white")  # fmt: skip
+                    ax.text(
+                        i,
+                        j,
+                        f"{count:.0f}",
+                        ha="center",
+                        va="center",
+                        fontsize=7,
+                        color="black" if rate[j, i] > 55 else "white",
+                    )
             ax.set_title(NAMES[name], color=STYLES[name].color, fontweight="bold", fontsize=10)
             _ticks(ax, drawn["x"], drawn["y"])
         panels[0].set_ylabel(_short(drawn["y"]["parameter"]))
@@ -188,8 +211,15 @@ def plot_tuning(tuning: Summary) -> Figure:
             for j, (side, colour) in enumerate((("default", "#0072B2"), ("tuned", "#D55E00"))):
                 entry, x = tuning[part][side], k + 0.16 * (2 * j - 1)
                 low, high = 100 * (entry["rate"] - entry["low"]), 100 * (entry["high"] - entry["rate"])
-                right.errorbar(x, 100 * entry["rate"], yerr=[[low], [high]], fmt="o", color=colour, capsize=4,
-                               label=side if k == 0 else None)  # fmt: skip
+                right.errorbar(
+                    x,
+                    100 * entry["rate"],
+                    yerr=[[low], [high]],
+                    fmt="o",
+                    color=colour,
+                    capsize=4,
+                    label=side if k == 0 else None,
+                )
         right.set_xticks([0, 1], ["search", "held out"])
         right.set(xlim=(-0.5, 1.5), ylim=(-2, 102), ylabel="turned over [%], 95 % interval")
         right.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)

@@ -6,9 +6,19 @@ from flipdiagram.simulation.metrics import FlipMetrics
 
 SUCCESS = "turned over"
 MODES = (
-    SUCCESS, "slid off", "tipped", "hit the table", "wrong angle", "never landed", "torque limit", "no plan",
-    "diverged", "refused", "timeout", "crashed",
-)  # fmt: skip
+    SUCCESS,
+    "slid off",
+    "tipped",
+    "hit the table",
+    "wrong angle",
+    "never landed",
+    "torque limit",
+    "no plan",
+    "diverged",
+    "refused",
+    "timeout",
+    "crashed",
+)
 """Every outcome.
 
 A dropped block `tipped` where it lifted off the blade further than it slid, else it `slid off`.
@@ -36,9 +46,14 @@ def mode_of(failure: str | None, metrics: FlipMetrics | None) -> str:
         lifted = metrics is not None and metrics.max_lift_off_m > metrics.max_slip_m
         return "tipped" if lifted else "slid off"
     for start, mode in (
-        ("blade hit the table", "hit the table"), ("landed", "wrong angle"), ("never", "never landed"),
-        ("no plan", "no plan"), ("diverged", "diverged"), ("timeout", "timeout"), ("crashed", "crashed"),
-    ):  # fmt: skip
+        ("blade hit the table", "hit the table"),
+        ("landed", "wrong angle"),
+        ("never", "never landed"),
+        ("no plan", "no plan"),
+        ("diverged", "diverged"),
+        ("timeout", "timeout"),
+        ("crashed", "crashed"),
+    ):
         if failure.startswith(start):
             return mode
     return "refused"

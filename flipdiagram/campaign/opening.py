@@ -13,7 +13,7 @@ from typing import IO
 
 from flipdiagram.campaign.results import SCHEMA, Results, errors, to_json, transaction
 from flipdiagram.campaign.specification import Specification
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 VERSION = 1
 APPLICATION = 0x666C6970  # "flip", in the header of the file
@@ -54,7 +54,7 @@ def opened(path: str | Path) -> Iterator[Results]:
     """The file of a campaign, to read, also while it runs."""
     path = Path(path)
     if not path.is_file():
-        raise ScenarioError(f"'{path}' is no file; valid is the campaign.sqlite of a campaign")
+        raise InputError(f"'{path}' is no file; valid is the campaign.sqlite of a campaign")
     with errors(path), ExitStack() as stack:
         _check_header(path)
         database = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", timeout=PATIENCE, uri=True)
@@ -101,11 +101,11 @@ def _check_same(results: Results, specification: Specification, resume: bool) ->
     meta = results.meta()
     held = f"'{results.path}' holds"
     if meta.get("digest") != specification.digest:
-        raise ScenarioError(f"{held} another campaign; valid is the same specification, or another --out")
+        raise InputError(f"{held} another campaign; valid is the same specification, or another --out")
     if not resume:
         rows = len(results.done())
         held = f"{held} {rows} of {specification.rows} flips of this campaign"
-        raise ScenarioError(f"{held}; valid is --resume to go on, or another --out")
+        raise InputError(f"{held}; valid is --resume to go on, or another --out")
 
 
 def _check_header(path: Path) -> None:
@@ -119,9 +119,9 @@ def _check_version(path: Path, database: sqlite3.Connection) -> None:
     (application,) = database.execute("PRAGMA application_id").fetchone()
     (version,) = database.execute("PRAGMA user_version").fetchone()
     if application != APPLICATION:
-        raise ScenarioError(f"'{path}' is a database, but not of a campaign; valid is a campaign.sqlite")
+        raise InputError(f"'{path}' is a database, but not of a campaign; valid is a campaign.sqlite")
     if version > VERSION:
-        raise ScenarioError(f"'{path}' is of version {version}, newer than this program; valid is at most {VERSION}")
+        raise InputError(f"'{path}' is of version {version}, newer than this program; valid is at most {VERSION}")
 
 
 def _check_whole(path: Path, database: sqlite3.Connection) -> None:
@@ -144,7 +144,7 @@ def _sole_writer(path: Path) -> Iterator[None]:
         except BlockingIOError:
             lock.seek(0)
             holder = lock.read().strip() or "another process"
-            raise ScenarioError(
+            raise InputError(
                 f"'{path}' is written by {holder} now; valid is to wait for it, or another --out"
             ) from None
         lock.seek(0)

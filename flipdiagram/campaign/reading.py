@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.scenario.text import _Loader, show
 
 LARGEST = 1_000_000
@@ -26,34 +26,34 @@ class Source:
     data: dict[str, Any]
     lines: dict[Path_, int] = field(repr=False)
 
-    def error(self, path: Iterable[str], problem: str) -> ScenarioError:
+    def error(self, path: Iterable[str], problem: str) -> InputError:
         """An error about a key, or the nearest key above it that is there: 'campaign 'a.yaml', line 3: …'."""
         at = tuple(path)
         while at and at not in self.lines:
             at = at[:-1]
         line = f", line {self.lines[at]}" if at in self.lines else ""
-        return ScenarioError(f"campaign '{self.name}'{line}: {problem}")
+        return InputError(f"campaign '{self.name}'{line}: {problem}")
 
-    def bad(self, path: Iterable[str], value: Any, valid: str) -> ScenarioError:
+    def bad(self, path: Iterable[str], value: Any, valid: str) -> InputError:
         """The error of a value that is not valid."""
         at = tuple(path)
         return self.error(at, f"{': '.join(at)} = {show(value)} is not valid; valid is {valid}")
 
 
 def read(path: str | Path) -> Source:
-    """The file; ScenarioError where it cannot be read or is no mapping."""
+    """The file; InputError where it cannot be read or is no mapping."""
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise ScenarioError(f"campaign '{path}' cannot be read: {reason}; valid is a YAML file") from None
+        raise InputError(f"campaign '{path}' cannot be read: {reason}; valid is a YAML file") from None
     return parse(text, str(path))
 
 
 def parse(text: str, name: str = "campaign.yaml") -> Source:
-    """The text; `name` stands for it in errors.  ScenarioError where it is no YAML mapping."""
+    """The text; `name` stands for it in errors.  InputError where it is no YAML mapping."""
     if len(text) > LARGEST:
-        raise ScenarioError(f"campaign '{name}' has {len(text)} characters; valid are at most {LARGEST}")
+        raise InputError(f"campaign '{name}' has {len(text)} characters; valid are at most {LARGEST}")
     lines: dict[Path_, int] = {}
     try:
         loader = _Loader(text)
@@ -65,11 +65,11 @@ def parse(text: str, name: str = "campaign.yaml") -> Source:
         mark = getattr(error, "problem_mark", None)
         line = f", line {mark.line + 1}" if mark is not None else ""
         problem = getattr(error, "problem", None) or error
-        raise ScenarioError(f"campaign '{name}'{line}: not valid YAML: {' '.join(str(problem).split())}") from None
+        raise InputError(f"campaign '{name}'{line}: not valid YAML: {' '.join(str(problem).split())}") from None
     except (ValueError, RecursionError) as error:
-        raise ScenarioError(f"campaign '{name}': not valid YAML: {' '.join(str(error).split())}") from None
+        raise InputError(f"campaign '{name}': not valid YAML: {' '.join(str(error).split())}") from None
     if not isinstance(data, dict):
-        raise ScenarioError(f"campaign '{name}' = {show(data)} is no mapping; valid is 'vary: {{field: …}}' and so on")
+        raise InputError(f"campaign '{name}' = {show(data)} is no mapping; valid is 'vary: {{field: …}}' and so on")
     return Source(name, text, data, lines)
 
 
@@ -84,7 +84,7 @@ def _walk(node: yaml.Node, path: Path_, lines: dict[Path_, int], name: str) -> N
     for key, value in node.value:
         text, line = str(key.value), key.start_mark.line + 1
         if text in seen:
-            raise ScenarioError(
+            raise InputError(
                 f"campaign '{name}', line {line}: '{text}' stands twice, first on line {seen[text]}; valid is once"
             )
         seen[text] = line

@@ -21,7 +21,7 @@ TUNING = "tuning.json"
 
 
 def write_analysis(file: str | Path, out: str | Path) -> dict[str, Any]:
-    """Analyse a campaign's file, of a running one what is there; returns the summary.  Raises ScenarioError."""
+    """Analyse a campaign's file, of a running one what is there; returns the summary.  Raises InputError."""
     out = Path(out)
     data = load_dataset(file)
     specification = json.loads(data.attrs["specification"])

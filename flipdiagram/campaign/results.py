@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -65,7 +65,7 @@ _NAMES = ", ".join(f'"{name}"' for name in COLUMNS)
 class Results:
     """The file of one campaign, opened by `opening.begun` to write or by `opening.opened` to read.
 
-    Raises ScenarioError, naming the file, where it is damaged, of a newer version, locked, or the disk is full.
+    Raises InputError, naming the file, where it is damaged, of a newer version, locked, or the disk is full.
     """
 
     def __init__(self, path: Path, database: sqlite3.Connection) -> None:
@@ -148,13 +148,13 @@ def transaction(database: sqlite3.Connection) -> Iterator[None]:
 
 @contextmanager
 def errors(path: Path) -> Iterator[None]:
-    """What SQLite and the file system say, as a ScenarioError that names the file."""
+    """What SQLite and the file system say, as a InputError that names the file."""
     try:
         yield
     except (sqlite3.Error, OSError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         message = f"'{path}' cannot be used: {reason}; valid is a writable file of a campaign, or none"
-        raise ScenarioError(message) from None
+        raise InputError(message) from None
 
 
 def to_json(data: Any) -> str:

@@ -7,11 +7,11 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from flipdiagram.arrays import Floats
+
 SAMPLERS = ("grid", "random", "lhs", "sobol", "saltelli")
-Floats = NDArray[np.float64]
 
 
 def points(sampler: str, trials: int, dimensions: int, seed: int) -> Floats:

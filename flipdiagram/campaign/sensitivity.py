@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import rankdata, sobol_indices, spearmanr
 
+from flipdiagram.arrays import Floats, Indices
 from flipdiagram.campaign.dataset import parameters_of
 from flipdiagram.campaign.modes import NOT_PHYSICS
 
@@ -19,8 +20,6 @@ FEWEST = 8
 BINS = 5
 """Into which a parameter's range is cut to see effects that are not monotonic."""
 TARGETS = ("success", "position_rmse_m", "torque_use")
-
-Floats = NDArray[np.float64]
 
 
 def sensitivities(data: xr.Dataset, architecture: str, target: str) -> list[dict[str, Any]]:
@@ -62,7 +61,7 @@ def _one(values: np.ndarray, target: Floats) -> dict[str, Any]:
     return found
 
 
-def groups_of(values: np.ndarray) -> NDArray[np.int64]:
+def groups_of(values: np.ndarray) -> Indices:
     """The group of each value: itself where there are few, else its fifth of the range of ranks."""
     distinct, index = np.unique(values, return_inverse=True)
     if len(distinct) <= BINS or values.dtype.kind != "f":
@@ -71,7 +70,7 @@ def groups_of(values: np.ndarray) -> NDArray[np.int64]:
     return np.minimum((ranks * BINS).astype(np.int64), BINS - 1)
 
 
-def explained(groups: NDArray[np.int64], target: ArrayLike) -> float:
+def explained(groups: Indices, target: ArrayLike) -> float:
     """Share of the variance of the target's ranks between groups, less what chance would give (ε² of Kelley)."""
     ranks = rankdata(target)
     n, members = len(ranks), [ranks[groups == group] for group in np.unique(groups)]

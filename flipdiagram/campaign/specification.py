@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from flipdiagram.arrays import Floats
 from flipdiagram.campaign import sampling
 from flipdiagram.campaign.distributions import Distribution
-from flipdiagram.campaign.sampling import Floats
 from flipdiagram.flips.flips import PLAN_SECTIONS
 from flipdiagram.scenario.scenario import Scenario, field_paths
 
@@ -107,7 +107,7 @@ class Specification:
         return Trial(index, self.seeds[index], tuple(values), overrides)
 
     def truth(self, trial: Trial) -> Scenario:
-        """The scenario in which the trial happens; raises ScenarioError where it cannot be."""
+        """The scenario in which the trial happens; raises InputError where it cannot be."""
         return self.base.with_overrides(trial.overrides)
 
     def believed(self, trial: Trial) -> Scenario:

@@ -43,15 +43,26 @@ def pair_grid(summary: Summary) -> Grid | None:
         interval = f"{100 * pair['low']:+.1f} to {100 * pair['high']:+.1f}"
         rows.append(
             [
-                f"`{pair['first']}` − `{pair['second']}`", str(pair["trials"]), f"{100 * pair['difference']:+.1f}",
-                interval, str(pair["first_only"]), str(pair["second_only"]), _p(pair["p_holm"]),
+                f"`{pair['first']}` − `{pair['second']}`",
+                str(pair["trials"]),
+                f"{100 * pair['difference']:+.1f}",
+                interval,
+                str(pair["first_only"]),
+                str(pair["second_only"]),
+                _p(pair["p_holm"]),
             ]
-        )  # fmt: skip
+        )
     if not rows:
         return None
     headings = [
-        "difference", "trials", "points", "95 % interval", "only the first", "only the second", "p (McNemar, Holm)",
-    ]  # fmt: skip
+        "difference",
+        "trials",
+        "points",
+        "95 % interval",
+        "only the first",
+        "only the second",
+        "p (McNemar, Holm)",
+    ]
     return Grid(headings, rows, right=headings[1:])
 
 
@@ -87,15 +98,22 @@ def quantile_grid(summary: Summary) -> Grid:
         q = entry["quantiles"]
         rows.append(
             [
-                f"`{name}`", _quantiles(q["position_rmse_m"], 100, 2), _quantiles(q["angle_rmse_rad"], 1, 3),
-                _quantiles(q["acceleration_rmse_m_s2"], 1, 2), _quantiles(q["max_slip_m"], 1000, 1),
+                f"`{name}`",
+                _quantiles(q["position_rmse_m"], 100, 2),
+                _quantiles(q["angle_rmse_rad"], 1, 3),
+                _quantiles(q["acceleration_rmse_m_s2"], 1, 2),
+                _quantiles(q["max_slip_m"], 1000, 1),
                 _quantiles(q["torque_use"], 1, 2),
             ]
-        )  # fmt: skip
+        )
     headings = [
-        "architecture", "position RMSE [cm]", "angle RMSE [rad]", "acceleration RMSE [m/s²]", "slip [mm]",
+        "architecture",
+        "position RMSE [cm]",
+        "angle RMSE [rad]",
+        "acceleration RMSE [m/s²]",
+        "slip [mm]",
         "torque over limit",
-    ]  # fmt: skip
+    ]
     return Grid(headings, rows, "median (95 % quantile) of all flips that flew", headings[1:])
 
 

@@ -15,7 +15,7 @@ from flipdiagram.campaign.modes import MODES, SUCCESS, mode_of
 from flipdiagram.campaign.specification import Specification, value_of
 from flipdiagram.campaign.statistics import mcnemar, paired_difference, wilson
 from flipdiagram.campaign.tuning import Goal, Tune
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.flips.driver import WORK, Job, fly_all
 from flipdiagram.flips.engine import Engine
 from flipdiagram.flips.engines import engine
@@ -81,7 +81,7 @@ def tune(
 ) -> dict[str, Any]:
     """Search within the budget, then compare the default with the best on held-out trials; plain data.
 
-    Each flip is kept in `out`/tune.sqlite as it ends: an interrupted search goes on where it was.  Raises ScenarioError
+    Each flip is kept in `out`/tune.sqlite as it ends: an interrupted search goes on where it was.  Raises InputError
     where optuna is not installed or a file or cluster cannot be used.
     """
     search = _Search(wanted)
@@ -124,7 +124,7 @@ class _Search:
         try:
             import optuna
         except ImportError:
-            raise ScenarioError("tuning needs optuna; install it with: pip install 'flipdiagram[tune]'") from None
+            raise InputError("tuning needs optuna; install it with: pip install 'flipdiagram[tune]'") from None
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         self._optuna, self._wanted = optuna, wanted
         sampler = optuna.samplers.TPESampler(seed=wanted.seed % 2**32, n_startup_trials=STARTUP)
@@ -198,11 +198,7 @@ def _key(job: Job) -> str:
 
 
 def _summary(
-    specification: Specification,
-    wanted: Tune,
-    tried: Sequence[Candidate],
-    best: Candidate,
-    judged: Sequence[Candidate],
+    specification: Specification, wanted: Tune, tried: Sequence[Candidate], best: Candidate, judged: Sequence[Candidate]
 ) -> dict[str, Any]:
     default, tuned = judged
     a, b = np.array(tuned.won), np.array(default.won)

@@ -14,7 +14,7 @@ from flipdiagram.campaign.checks import specification
 from flipdiagram.campaign.distributions import Distribution, DistributionError, distribution
 from flipdiagram.campaign.reading import Source, read
 from flipdiagram.campaign.specification import Specification
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, field_paths
 from flipdiagram.scenario.text import unknown_field
 
@@ -75,7 +75,7 @@ class Tune:
 
 
 def load_tuning(path: str | Path, changes: Mapping[str, Any] | None = None) -> tuple[Specification, Tune]:
-    """Read and check a campaign file with its section `tune`, as `load_specification`; ScenarioError with the line."""
+    """Read and check a campaign file with its section `tune`, as `load_specification`; InputError with the line."""
     source = read(path)
     found = specification(source, Path(path).parent, changes)
     return found, tuning(source, found)
@@ -119,7 +119,7 @@ def _over(source: Source, found: Specification, data: Any) -> dict[str, Distribu
             over[key] = distribution(value)
             for end in over[key].ends():
                 found.base.with_overrides({key: end})
-        except (DistributionError, ScenarioError) as error:
+        except (DistributionError, InputError) as error:
             raise source.error(path, f"{key}: {error}") from None
     return over
 

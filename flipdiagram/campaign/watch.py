@@ -19,7 +19,7 @@ REFRESH = 1.0
 
 
 def status_grid(path: str | Path) -> tuple[Grid, bool]:
-    """How far a campaign is, and whether it has all its flips; raises ScenarioError for a file of something else."""
+    """How far a campaign is, and whether it has all its flips; raises InputError for a file of something else."""
     path = Path(path)
     with opened(path) as results:
         specification, counts, pace = results.specification(), results.counts(), results.pace()

@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from flipdiagram.cli.terminal import console, status
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.files import check_output_directory
 
 if TYPE_CHECKING:
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 
 def campaign(arguments: argparse.Namespace, scenario: Scenario) -> None:
-    """How often does it work?  One of a specification, --watch, --analyse, --export; ScenarioError for another number.
+    """How often does it work?  One of a specification, --watch, --analyse, --export; InputError for another number.
 
     scenario: its fields that are not at their defaults count more than the base of the specification.
     """
     given = [arguments.file, arguments.watch, arguments.analyse, arguments.export]
     if sum(entry is not None for entry in given) != 1:
         valid = "one of FILE, --watch, --analyse, --export"
-        raise ScenarioError(f"campaign takes {valid}; see `flipdiagram campaign --help`")
+        raise InputError(f"campaign takes {valid}; see `flipdiagram campaign --help`")
     if arguments.watch is not None:
         from flipdiagram.campaign.watch import watch
 
@@ -67,7 +67,7 @@ def _fly(arguments: argparse.Namespace, scenario: Scenario) -> None:
 
 def _tune(arguments: argparse.Namespace, scenario: Scenario) -> None:
     if arguments.file is None:
-        raise ScenarioError("--tune needs the specification FILE with a section `tune`")
+        raise InputError("--tune needs the specification FILE with a section `tune`")
     out = check_output_directory(arguments.out)
 
     from flipdiagram.campaign.checks import changes_of

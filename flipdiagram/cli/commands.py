@@ -57,14 +57,7 @@ def flip(arguments: argparse.Namespace, scenario: Scenario) -> None:
         show_live(scenario, chosen)
         return
     with status(arguments.quiet) as progress:
-        result = turnover.run(
-            scenario,
-            out,
-            chosen,
-            quick=arguments.quick,
-            jobs=arguments.jobs,
-            progress=progress,
-        )
+        result = turnover.run(scenario, out, chosen, quick=arguments.quick, jobs=arguments.jobs, progress=progress)
         replay = not (arguments.no_replay or arguments.quick)
         notes = turnover_pictures(result, replay=replay, progress=progress)
     if not arguments.quiet:

@@ -12,7 +12,7 @@ from typing import get_args
 import shtab
 
 from flipdiagram.cli.options import SHORT, parser
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, field_paths
 from flipdiagram.scenario.text import section_of
 from flipdiagram.studies.borders.maps import maps_of
@@ -24,9 +24,9 @@ PLACES = {"FILE": shtab.FILE, "DIR": shtab.DIRECTORY}
 
 
 def script(shell: str) -> str:
-    """The completion script for bash, zsh or fish; ScenarioError for another shell."""
+    """The completion script for bash, zsh or fish; InputError for another shell."""
     if shell not in SHELLS:
-        raise ScenarioError(f"unknown shell '{shell}'; choose from {', '.join(SHELLS)}")
+        raise InputError(f"unknown shell '{shell}'; choose from {', '.join(SHELLS)}")
     return shtab.complete(_full_parser(), shell).rstrip() + "\n"
 
 

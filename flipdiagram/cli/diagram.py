@@ -8,7 +8,7 @@ from pathlib import Path
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.diagrams.one_dof import build_controller, build_experiment
 from flipdiagram.drawing import Drawing, draw
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.files import write_atomically
 from flipdiagram.scenario.scenario import Scenario
 
@@ -18,7 +18,7 @@ SUFFIXES = {".dot": "dot", ".gv": "dot", ".svg": "svg", ".png": "png", ".mmd": "
 def drawing_of(
     scenario: Scenario, architecture: str, *, one_dof: bool = False, depth: int = 0, rates: bool = False
 ) -> Drawing:
-    """The drawing of an architecture's loop, or of the 1-DOF loop of section III; raises ScenarioError."""
+    """The drawing of an architecture's loop, or of the 1-DOF loop of section III; raises InputError."""
     if not one_dof:
         return draw(build_loop(scenario, architecture), depth=depth, rates=rates)
     settings = scenario.one_dof
@@ -30,11 +30,11 @@ def drawing_of(
 def write(drawing: Drawing, format: str | None, out: Path | None) -> None:
     """Write a drawing to a file, or to stdout; the format follows from the file's ending where none is named.
 
-    Raises ScenarioError for an unknown ending, MissingProgramError where graphviz is needed and absent.
+    Raises InputError for an unknown ending, MissingProgramError where graphviz is needed and absent.
     """
     if format is None:
         if out is not None and out.suffix.lower() not in SUFFIXES:
-            raise ScenarioError(f"--out = '{out}' ends in no known format; valid is {', '.join(SUFFIXES)}, or --format")
+            raise InputError(f"--out = '{out}' ends in no known format; valid is {', '.join(SUFFIXES)}, or --format")
         format = "mermaid" if out is None else SUFFIXES[out.suffix.lower()]
     content: str | bytes = getattr(drawing, format)()
     if out is not None:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from flipdiagram.cli.options import COMMANDS, parser, split_overrides
-from flipdiagram.errors import FlipdiagramError, ScenarioError
+from flipdiagram.errors import FlipdiagramError, InputError
 
 if TYPE_CHECKING:
     from flipdiagram.scenario.scenario import Scenario
@@ -41,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise
         _drop_stdout()
         print(f"flipdiagram: error: {error.strerror}", file=sys.stderr)
-        return ScenarioError.exit_code
+        return InputError.exit_code
 
 
 def _run(argv: list[str]) -> int:

@@ -7,12 +7,23 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 COMMANDS = (
-    "plan", "flip", "frequency", "experiment", "borders", "replanning", "place", "campaign", "report",
-    "diagram", "info", "scenario", "completion",
-)  # fmt: skip
+    "plan",
+    "flip",
+    "frequency",
+    "experiment",
+    "borders",
+    "replanning",
+    "place",
+    "campaign",
+    "report",
+    "diagram",
+    "info",
+    "scenario",
+    "completion",
+)
 FORMATS = ("dot", "svg", "png", "mermaid")
 SHORT = {"--start-y": "task.start_y"}
 EPILOG = (
@@ -35,7 +46,7 @@ class _Parser(argparse.ArgumentParser):
         super().__init__(**settings, allow_abbrev=False, formatter_class=_Formatter)
 
     def error(self, message: str) -> NoReturn:
-        raise ScenarioError(f"{message}; see `{self.prog} --help`")
+        raise InputError(f"{message}; see `{self.prog} --help`")
 
 
 def parser() -> argparse.ArgumentParser:
@@ -140,16 +151,20 @@ def split_overrides(argv: list[str]) -> tuple[list[str], dict[str, str]]:
         path = SHORT.get(name, name.removeprefix("--").replace("-", "_"))
         value = text if equals else next(words, None)
         if value is None or (not equals and value.startswith("--")):
-            raise ScenarioError(f"option {name} has no value; valid is {name} VALUE")
+            raise InputError(f"option {name} has no value; valid is {name} VALUE")
         overrides[path] = value
     return rest, overrides
 
 
 def _architectures_option(command: argparse.ArgumentParser) -> None:
     command.add_argument(
-        "--architecture", nargs="+", type=_architecture, default=_architectures(), metavar="A",
+        "--architecture",
+        nargs="+",
+        type=_architecture,
+        default=_architectures(),
+        metavar="A",
         help=f"controllers to run (all of {', '.join(_architectures())})",
-    )  # fmt: skip
+    )
 
 
 def _jobs_option(command: argparse.ArgumentParser) -> None:

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flipdiagram.compiled.layout import Floats, Indices, Layout, common_count, rows_of, series_of
-from flipdiagram.errors import ScenarioError
+from flipdiagram.arrays import Floats, Indices
+from flipdiagram.compiled.layout import Layout, common_count, rows_of, series_of
+from flipdiagram.errors import InputError
 
 _LATEST = 2**53  # beyond, tick numbers are no longer exact floats
 
@@ -118,7 +119,7 @@ class BatchDiagram(ABC):
         their defaults. ``inputs``: also (channels or 1, rows, size), one row a tick, the last row held.
         ``log``: outputs and states to record before the updates of ticks start, start + every, and so on.
         ``threads``: all processors unless given; results do not depend on it. ``progress`` is told the part done.
-        Raises ScenarioError, naming what was given and what is valid.
+        Raises InputError, naming what was given and what is valid.
         """
         for name in inputs or {}:
             self.layout.inputs.find(name)
@@ -127,14 +128,17 @@ class BatchDiagram(ABC):
         states = self._states(state)
         length, first = _integers("ticks", ticks), _integers("start", start)
         given = {
-            "parameters": values.shape[0], "state": states.shape[0], "ticks": length.size, "start": first.size,
+            "parameters": values.shape[0],
+            "state": states.shape[0],
+            "ticks": length.size,
+            "start": first.size,
             "inputs": series.shape[0],
-        }  # fmt: skip
+        }
         count = common_count(given)
         if not (isinstance(every, int | np.integer) and every >= 1):
-            raise ScenarioError(f"every = {every!r}; it must be an integer >= 1")
+            raise InputError(f"every = {every!r}; it must be an integer >= 1")
         if threads is not None and threads < 1:
-            raise ScenarioError(f"threads = {threads}; it must be >= 1")
+            raise InputError(f"threads = {threads}; it must be >= 1")
         length, first = (np.ascontiguousarray(np.broadcast_to(a, (count,))) for a in (length, first))
         final = np.array(np.broadcast_to(states, (count, states.shape[1])), order="C")
         values = np.broadcast_to(values, (count, values.shape[1]))
@@ -188,7 +192,7 @@ class BatchDiagram(ABC):
         if array.ndim == 1 and array.size == self.state_size:
             array = array[None]
         if array.ndim != 2 or array.shape[1] != self.state_size:
-            raise ScenarioError(f"state has shape {array.shape}; valid is (channels, {self.state_size})")
+            raise InputError(f"state has shape {array.shape}; valid is (channels, {self.state_size})")
         return array
 
     def _series(self, inputs: Mapping[str, ArrayLike]) -> Floats:
@@ -197,7 +201,7 @@ class BatchDiagram(ABC):
         found = [(names.find(name), series_of(name, v, names.find(name).size)) for name, v in inputs.items()]
         known = {int(place) for places, _ in found for place in places}
         if missing := sorted({names.elements()[place] for place in self._inputs_used - known}):
-            raise ScenarioError(f"input '{missing[0]}' has no value; give inputs={{'{missing[0]}': ...}}")
+            raise InputError(f"input '{missing[0]}' has no value; give inputs={{'{missing[0]}': ...}}")
         count = common_count({f"input '{n}'": a.shape[0] for n, (_, a) in zip(inputs, found, strict=True)})
         length = max((a.shape[1] for _, a in found), default=1)
         result = np.zeros((count, length, names.size))
@@ -209,7 +213,7 @@ class BatchDiagram(ABC):
     def _columns(self, log: Sequence[str]) -> tuple[dict[str, Indices], Indices]:
         """Columns of the record by name, and the place of each among outputs and states."""
         if isinstance(log, str):
-            raise ScenarioError(f"log = '{log}'; valid is a list of names, such as ['{log}']")
+            raise InputError(f"log = '{log}'; valid is a list of names, such as ['{log}']")
         outputs, states = self.layout.outputs, self.layout.states
         chosen: dict[str, Indices] = {}
         picked: list[int] = []
@@ -220,7 +224,7 @@ class BatchDiagram(ABC):
                 places = outputs.size + states.places[name]
             else:
                 valid = ", ".join([*outputs.places, *states.places])
-                raise ScenarioError(f"log: unknown output or state '{name}'; choose from {valid}")
+                raise InputError(f"log: unknown output or state '{name}'; choose from {valid}")
             chosen[name] = np.arange(len(picked), len(picked) + places.size)
             picked += places.tolist()
         return chosen, np.array(picked, dtype=np.int64)
@@ -242,7 +246,7 @@ class BatchDiagram(ABC):
 
 def _single(rows: Floats) -> Floats:
     if rows.shape[0] != 1:
-        raise ScenarioError(f"an operating point is of one channel; {rows.shape[0]} were given")
+        raise InputError(f"an operating point is of one channel; {rows.shape[0]} were given")
     return np.asarray(rows[0])
 
 
@@ -250,5 +254,5 @@ def _integers(name: str, value: ArrayLike) -> Indices:
     array = np.atleast_1d(np.asarray(value))
     valid = array.ndim == 1 and array.size and np.issubdtype(array.dtype, np.integer)
     if not valid or array.min() < 0 or array.max() > _LATEST:
-        raise ScenarioError(f"{name} = {value!r}; valid are integers >= 0, one or one for each channel")
+        raise InputError(f"{name} = {value!r}; valid are integers >= 0, one or one for each channel")
     return array.astype(np.int64)

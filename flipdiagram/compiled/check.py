@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from pydrake.systems.analysis import Simulator
 
+from flipdiagram.arrays import Floats
 from flipdiagram.compiled.batch import BatchDiagram
 from flipdiagram.compiled.errors import NotCompilable
 from flipdiagram.compiled.fallback import read_outputs
-from flipdiagram.compiled.layout import Floats
 
 TOLERANCE = 1e-10  # relative
 _OUTPUT_ROWS = 20  # ticks at which outputs are compared too

@@ -8,20 +8,21 @@ from typing import Any, Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flipdiagram.arrays import Floats, Indices
 from flipdiagram.compiled.batch import BatchDiagram
 from flipdiagram.compiled.check import check as check_against_drake
 from flipdiagram.compiled.emit import print_source
 from flipdiagram.compiled.errors import NotCompilable
 from flipdiagram.compiled.fallback import SimulatedDiagram
 from flipdiagram.compiled.kernel import load_kernel
-from flipdiagram.compiled.layout import Floats, Indices, Layout, lay_out
+from flipdiagram.compiled.layout import Layout, lay_out
 from flipdiagram.compiled.linear import Linearization, linearize
 from flipdiagram.compiled.read import Program, read_program
 from flipdiagram.compiled.structure import flatten
 from flipdiagram.compiled.threads import advance
 from flipdiagram.compiled.vector import vector_source
 from flipdiagram.compiled.vector_text import LANES
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 
 class CompiledDiagram(BatchDiagram):
@@ -148,11 +149,11 @@ def compile_diagram(
     differ from the C library's, which Drake uses, by a few units in the last place; all else, and so a diagram without
     them, is the same to the bit. log, pow, tan and others are called channel by channel: the same, and no faster.
 
-    Raises NotCompilable (a ScenarioError), which names the block and the reason: no symbolic form, continuous or
+    Raises NotCompilable (a InputError), which names the block and the reason: no symbolic form, continuous or
     abstract state, several periods, an expression without printed form, or a result other than Drake's.
     """
     if check < 0:
-        raise ScenarioError(f"check = {check}; it must be >= 0")
+        raise InputError(f"check = {check}; it must be >= 0")
     layout = lay_out(flatten(diagram), tie)
     try:
         compiled = CompiledDiagram(layout, read_program(layout), cache, vectorize)

@@ -11,16 +11,35 @@ from flipdiagram.compiled.sections import Section, Sections
 _LONGEST = 90  # characters of an expression that may still stand inside another
 
 _FORMS = {
-    "add": "({} + {})", "sub": "({} - {})", "mul": "({} * {})", "div": "({} / {})", "neg": "(-{})",
+    "add": "({} + {})",
+    "sub": "({} - {})",
+    "mul": "({} * {})",
+    "div": "({} / {})",
+    "neg": "(-{})",
     # std::min and std::max, which Drake uses, including what they do with nan
-    "min": "smaller({}, {})", "max": "larger({}, {})",
-    "pow": "math.pow({}, {})", "atan2": "math.atan2({}, {})", "abs": "math.fabs({})",
-    "floor": "np.floor({})", "ceil": "np.ceil({})", "select": "choose({}, {}, {})",
-    "eq": "({} == {})", "ne": "({} != {})", "gt": "({} > {})", "ge": "({} >= {})", "lt": "({} < {})",
-    "le": "({} <= {})", "and": "({} & {})", "or": "({} | {})", "not": "(not {})", "isnan": "({0} != {0})",
-    **{name: f"math.{name}({{}})" for name in
-       ("exp", "log", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh")},
-}  # fmt: skip
+    "min": "smaller({}, {})",
+    "max": "larger({}, {})",
+    "pow": "math.pow({}, {})",
+    "atan2": "math.atan2({}, {})",
+    "abs": "math.fabs({})",
+    "floor": "np.floor({})",
+    "ceil": "np.ceil({})",
+    "select": "choose({}, {}, {})",
+    "eq": "({} == {})",
+    "ne": "({} != {})",
+    "gt": "({} > {})",
+    "ge": "({} >= {})",
+    "lt": "({} < {})",
+    "le": "({} <= {})",
+    "and": "({} & {})",
+    "or": "({} | {})",
+    "not": "(not {})",
+    "isnan": "({0} != {0})",
+    **{
+        name: f"math.{name}({{}})"
+        for name in ("exp", "log", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh")
+    },
+}
 
 _HEAD = """# A Drake diagram as one loop, printed by flipdiagram.compiled; its arguments are described in print_source.
 import math

@@ -1,9 +1,9 @@
 """The one exception of this package."""
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 
-class NotCompilable(ScenarioError):
+class NotCompilable(InputError):
     """A diagram has no compiled form. One line names the block and the reason."""
 
 

@@ -8,11 +8,12 @@ from typing import Any, NoReturn
 import numpy as np
 from pydrake.systems.analysis import Simulator
 
+from flipdiagram.arrays import Floats, Indices
 from flipdiagram.compiled.batch import BatchDiagram
 from flipdiagram.compiled.errors import NotCompilable
-from flipdiagram.compiled.layout import Floats, Indices, Layout
+from flipdiagram.compiled.layout import Layout
 from flipdiagram.compiled.structure import common_timing
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 
 class SimulatedDiagram(BatchDiagram):
@@ -27,9 +28,9 @@ class SimulatedDiagram(BatchDiagram):
             try:
                 period, offset = common_timing(layout.structure)
             except NotCompilable as error:
-                raise ScenarioError(f"{error}; or give the period of a tick to Drake's Simulator") from None
+                raise InputError(f"{error}; or give the period of a tick to Drake's Simulator") from None
         elif not (np.isfinite(period) and period > 0.0):
-            raise ScenarioError(f"period = {period} s; it must be finite and > 0")
+            raise InputError(f"period = {period} s; it must be finite and > 0")
         else:
             offset = 0.0
         super().__init__(layout, period, offset, set())

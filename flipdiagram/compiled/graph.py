@@ -14,9 +14,8 @@ Node = tuple[Any, ...]
 ATOMS = frozenset({"constant", "time", "state", "input", "parameter"})
 
 _UNARY = {
-    kind: kind.lower()
-    for kind in "Abs Exp Log Sqrt Sin Cos Tan Asin Acos Atan Sinh Cosh Tanh Floor Ceil".split()
-}  # fmt: skip
+    kind: kind.lower() for kind in "Abs Exp Log Sqrt Sin Cos Tan Asin Acos Atan Sinh Cosh Tanh Floor Ceil".split()
+}
 _BINARY = {"Div": "div", "Min": "min", "Max": "max", "Atan2": "atan2"}
 _RELATIONS = {"Eq": "eq", "Neq": "ne", "Gt": "gt", "Geq": "ge", "Lt": "lt", "Leq": "le"}
 

@@ -8,13 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from flipdiagram.arrays import Floats, Indices
 from flipdiagram.compiled.structure import Structure
-from flipdiagram.errors import ScenarioError
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from flipdiagram.errors import InputError
 
 
 class Names:
@@ -33,14 +31,14 @@ class Names:
         return self.places[name]
 
     def find(self, name: str) -> Indices:
-        """The places of a name or of one of its elements; ScenarioError lists the valid names."""
+        """The places of a name or of one of its elements; InputError lists the valid names."""
         base, element = name, None
         if self.spellings.get(name, name) not in self.places and (match := re.fullmatch(r"(.*)\[(\d+)\]", name)):
             base, element = match[1], int(match[2])
         places = self.places.get(self.spellings.get(base, base))
         if places is None or (element is not None and element >= places.size):
             valid = ", ".join(f"{n}[0..{p.size - 1}]" if p.size > 1 else n for n, p in self.places.items())
-            raise ScenarioError(f"unknown {self.kind} '{name}'; choose from {valid or 'none: there are none'}")
+            raise InputError(f"unknown {self.kind} '{name}'; choose from {valid or 'none: there are none'}")
         return places if element is None else places[element : element + 1]
 
     def sizes(self) -> dict[str, int]:
@@ -80,7 +78,7 @@ def rows_of(kind: str, name: str, value: ArrayLike, size: int) -> Floats:
         array = array[None]
     if array.ndim != 2 or array.shape[1] != size or array.shape[0] == 0:
         wanted = "a number or (channels,)" if size == 1 else f"({size},) or (channels, {size})"
-        raise ScenarioError(f"{kind} '{name}' has shape {np.shape(value)}; valid is {wanted}")
+        raise InputError(f"{kind} '{name}' has shape {np.shape(value)}; valid is {wanted}")
     return array
 
 
@@ -91,17 +89,17 @@ def series_of(name: str, value: ArrayLike, size: int) -> Floats:
         array = array[:, :, None]
     if array.ndim == 3:
         if array.shape[2] != size or 0 in array.shape:
-            raise ScenarioError(f"input '{name}' has shape {np.shape(value)}; valid is (channels, rows, {size})")
+            raise InputError(f"input '{name}' has shape {np.shape(value)}; valid is (channels, rows, {size})")
         return array
     return rows_of("input", name, array, size)[:, None, :]
 
 
 def common_count(counts: Mapping[str, int]) -> int:
-    """The number of channels that all share, where 1 means any; ScenarioError names two that differ."""
+    """The number of channels that all share, where 1 means any; InputError names two that differ."""
     several = {name: count for name, count in counts.items() if count != 1}
     if len(set(several.values())) > 1:
         listed = ", ".join(f"{name}: {count}" for name, count in several.items())
-        raise ScenarioError(f"the numbers of channels differ ({listed}); valid is one number, or 1")
+        raise InputError(f"the numbers of channels differ ({listed}); valid is one number, or 1")
     return next(iter(several.values()), 1)
 
 
@@ -109,9 +107,9 @@ def _finite(kind: str, name: str, value: ArrayLike) -> Floats:
     try:
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
-        raise ScenarioError(f"{kind} '{name}' = {value!r}; valid are numbers") from None
+        raise InputError(f"{kind} '{name}' = {value!r}; valid are numbers") from None
     if not np.isfinite(array).all():
-        raise ScenarioError(f"{kind} '{name}' holds nan or infinity; valid are finite numbers")
+        raise InputError(f"{kind} '{name}' holds nan or infinity; valid are finite numbers")
     return array
 
 
@@ -201,19 +199,19 @@ def _tied(
     heads: dict[str, Indices] = {}
     for new, members in tie.items():
         if new in names.places or new in names.spellings:
-            raise ScenarioError(f"tie: '{new}' is the name of a parameter already; choose another")
+            raise InputError(f"tie: '{new}' is the name of a parameter already; choose another")
         found = [names.find(member) for member in members]
         if not found or len({places.size for places in found}) > 1:
             sizes = ", ".join(f"{m}: {p.size}" for m, p in zip(members, found, strict=True))
-            raise ScenarioError(f"tie: '{new}' joins parameters of different sizes ({sizes}); valid is one size")
+            raise InputError(f"tie: '{new}' joins parameters of different sizes ({sizes}); valid is one size")
         for member, places in zip(members, found, strict=True):
             if (representative[places] != places).any():
-                raise ScenarioError(f"tie: '{member}' of '{new}' is tied already; valid is one name for each")
+                raise InputError(f"tie: '{member}' of '{new}' is tied already; valid is one name for each")
         heads[new] = found[0]
         for places in found[1:]:
             representative[places] = found[0]
         if any(np.intersect1d(found[0], places).size for n, places in heads.items() if n != new):
-            raise ScenarioError(f"tie: '{members[0]}' of '{new}' is tied already; valid is one name for each")
+            raise InputError(f"tie: '{members[0]}' of '{new}' is tied already; valid is one name for each")
     kept = np.unique(representative)
     place = np.full(names.size, -1)
     place[kept] = np.arange(kept.size)

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from flipdiagram.compiled.layout import Floats, Indices, Layout
+from flipdiagram.arrays import Complex, Floats, Indices
+from flipdiagram.compiled.layout import Layout
 from flipdiagram.compiled.read import Program
-from flipdiagram.errors import MissingProgramError, ScenarioError
+from flipdiagram.errors import InputError, MissingProgramError
 
 _Function = tuple[Callable[[Any], Any], Callable[[Any, Any], Any]]
 
@@ -36,9 +37,17 @@ _UNARY: dict[str, _Function] = {  # f(x), and its derivative from x and f
 }
 
 _RELATIONS: dict[str, Callable[..., Any]] = {
-    "eq": np.equal, "ne": np.not_equal, "gt": np.greater, "ge": np.greater_equal, "lt": np.less, "le": np.less_equal,
-    "and": np.logical_and, "or": np.logical_or, "not": np.logical_not, "isnan": np.isnan,
-}  # fmt: skip
+    "eq": np.equal,
+    "ne": np.not_equal,
+    "gt": np.greater,
+    "ge": np.greater_equal,
+    "lt": np.less,
+    "le": np.less_equal,
+    "and": np.logical_and,
+    "or": np.logical_or,
+    "not": np.logical_not,
+    "isnan": np.isnan,
+}
 
 
 @dataclass(frozen=True)
@@ -54,17 +63,14 @@ class Linearization:
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
 
-    def poles(self) -> NDArray[np.complex128]:
+    def poles(self) -> Complex:
         """The eigenvalues of A, largest magnitude first; stable inside the unit circle."""
         found = np.linalg.eigvals(self.A).astype(complex)
         return np.asarray(found[np.argsort(-np.abs(found), kind="stable")])
 
     def response(
-        self,
-        omega: ArrayLike,
-        inputs: Sequence[str] | str | None = None,
-        outputs: Sequence[str] | str | None = None,
-    ) -> NDArray[np.complex128]:
+        self, omega: ArrayLike, inputs: Sequence[str] | str | None = None, outputs: Sequence[str] | str | None = None
+    ) -> Complex:
         """C (zI - A)^-1 B + D at z = exp(j omega dt), omega [rad/s] (m,): shape (m, outputs, inputs), those named."""
         columns, rows = self._places("input", inputs), self._places("output", outputs)
         frequencies = np.atleast_1d(np.asarray(omega, dtype=float))
@@ -117,9 +123,7 @@ class Linearization:
         for name in (names,) if isinstance(names, str) else names:
             places = [i for i, k in enumerate(known) if k == name or k.rpartition("[")[0] == name]
             if not places:
-                raise ScenarioError(
-                    f"unknown {kind} '{name}'; choose from {', '.join(known) or 'none: there are none'}"
-                )
+                raise InputError(f"unknown {kind} '{name}'; choose from {', '.join(known) or 'none: there are none'}")
             found += places
         return np.array(found, dtype=np.int64)
 

@@ -6,16 +6,10 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from pydrake.systems.framework import (
-    Diagram,
-    InputPortIndex,
-    OutputPortIndex,
-    PortDataType,
-    System,
-)
+from pydrake.systems.framework import Diagram, InputPortIndex, OutputPortIndex, PortDataType, System
 
 from flipdiagram.compiled.errors import NotCompilable
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 Source = tuple[int | None, int]
 """(leaf, output port), or (None, input port of the whole diagram)."""
@@ -56,9 +50,9 @@ class Structure:
 
 
 def flatten(diagram: Any) -> Structure:
-    """The structure of a Diagram (or of a single leaf) over float; raises ScenarioError for anything else."""
+    """The structure of a Diagram (or of a single leaf) over float; raises InputError for anything else."""
     if not isinstance(diagram, System):
-        raise ScenarioError(f"{type(diagram).__name__} is no System; valid is a Drake Diagram over float")
+        raise InputError(f"{type(diagram).__name__} is no System; valid is a Drake Diagram over float")
     found: list[tuple[str, Any, list[Any]]] = []
     kept: list[Any] = [diagram]  # identities are compared, so every object found stays alive until the end
 

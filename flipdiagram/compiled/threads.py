@@ -8,8 +8,8 @@ from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 
 import numpy as np
 
+from flipdiagram.arrays import Floats, Indices
 from flipdiagram.compiled.kernel import Kernel
-from flipdiagram.compiled.layout import Floats, Indices
 
 _PIECE = 10_000_000  # channel-ticks between two looks at Ctrl-C and at the progress
 
@@ -42,13 +42,24 @@ def advance(
     assert parameters[:1].flags.c_contiguous and series[:1].flags.c_contiguous
     size = 8  # bytes of an element
     arguments = (
-        ticks.ctypes.data, start.ctypes.data,
-        state.ctypes.data, state.shape[1],
-        parameters.ctypes.data, parameters.strides[0] // size,
-        series.ctypes.data, series.strides[0] // size, series.shape[2], series.shape[1] - 1,
-        every, signal.ctypes.data, signals, column.ctypes.data,
-        log.ctypes.data, log.shape[1], log.shape[2],
-    )  # fmt: skip
+        ticks.ctypes.data,
+        start.ctypes.data,
+        state.ctypes.data,
+        state.shape[1],
+        parameters.ctypes.data,
+        parameters.strides[0] // size,
+        series.ctypes.data,
+        series.strides[0] // size,
+        series.shape[2],
+        series.shape[1] - 1,
+        every,
+        signal.ctypes.data,
+        signals,
+        column.ctypes.data,
+        log.ctypes.data,
+        log.shape[1],
+        log.shape[2],
+    )
     count = threads or available_threads()
     pieces = _pieces(ticks, count, lanes)
     if len(pieces) == 1:

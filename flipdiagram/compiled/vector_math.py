@@ -19,16 +19,31 @@ n pi/2 is three doubles; with fused operations x - n P1 is exact, and what P3 le
 EXP_REACH = 708.0
 """Largest |x| of our own exp: beyond, numbers are infinite or subnormal; there the C library's."""
 
-_PI_HALVES = (-float.fromhex("0x1.921fb54442d18p+0"), -float.fromhex("0x1.1a62633145c07p-54"),
-              float.fromhex("0x1.f1976b7ed8fbcp-110"))  # fmt: skip
+_PI_HALVES = (
+    -float.fromhex("0x1.921fb54442d18p+0"),
+    -float.fromhex("0x1.1a62633145c07p-54"),
+    float.fromhex("0x1.f1976b7ed8fbcp-110"),
+)
 _LN2 = (-float.fromhex("0x1.62e42fefa39efp-1"), -float.fromhex("0x1.abc9e3b39803fp-56"))
 # Added to |y| < 2^51 and taken away again, it leaves the nearest integer; the sum ends in that integer's bits.
 _ROUNDER = 1.5 * 2.0**52
 # Minimax on [-pi/4, pi/4], of Sun's fdlibm (k_sin.c, k_cos.c): sin r = r + r^3 S(r^2), cos r = 1 - r^2/2 + r^4 C(r^2).
-_SIN = (-1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04,
-        2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.58969099521155010221e-10)  # fmt: skip
-_COS = (4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872894767294178e-05,
-        -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.13596475577881948265e-11)  # fmt: skip
+_SIN = (
+    -1.66666666666666324348e-01,
+    8.33333333332248946124e-03,
+    -1.98412698298579493134e-04,
+    2.75573137070700676789e-06,
+    -2.50507602534068634195e-08,
+    1.58969099521155010221e-10,
+)
+_COS = (
+    4.16666666666666019037e-02,
+    -1.38888888888741095749e-03,
+    2.48015872894767294178e-05,
+    -2.75573143513906633035e-07,
+    2.08757232129817482790e-09,
+    -1.13596475577881948265e-11,
+)
 # exp r = 1 + r + r^2 E(r) on [-ln 2/2, ln 2/2]: Taylor's, whose next term is 4e-18
 _EXP = tuple(1.0 / math.factorial(k) for k in range(2, 14))
 

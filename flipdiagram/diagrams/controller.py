@@ -17,6 +17,7 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import Adder, Gain
 
+from flipdiagram.arrays import Floats
 from flipdiagram.blocks.feedforward import AccelerationFeedforward
 from flipdiagram.blocks.gravity import GravityCompensation
 from flipdiagram.blocks.inertia import NominalInertia
@@ -27,15 +28,26 @@ from flipdiagram.blocks.pd import ProportionalDerivative
 from flipdiagram.blocks.tool_kinematics import ToolKinematics
 from flipdiagram.blocks.torque_limit import TorqueLimit
 from flipdiagram.diagrams.replacement import Box, chosen, misfit
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
-from flipdiagram.theory.contact import Floats
 
 SIGNALS = (
-    "x_cmd", "v_cmd", "a_cmd", "x", "v", "q", "qd", "a_ref", "qdd_ref", "tau_ref", "tau_dis", "tau_gravity", "tau_cmd",
+    "x_cmd",
+    "v_cmd",
+    "a_cmd",
+    "x",
+    "v",
+    "q",
+    "qd",
+    "a_ref",
+    "qdd_ref",
+    "tau_ref",
+    "tau_dis",
+    "tau_gravity",
+    "tau_cmd",
     "tau",
-)  # fmt: skip
+)
 """Signals that a box may take as inputs, by the names of the figure."""
 
 
@@ -55,9 +67,9 @@ class ControllerBoxes:
 
 
 def check_architecture(architecture: str) -> str:
-    """The name itself; raises ScenarioError, naming the valid ones, for another."""
+    """The name itself; raises InputError, naming the valid ones, for another."""
     if architecture not in ARCHITECTURES:
-        raise ScenarioError(f"unknown architecture '{architecture}'; choose from {', '.join(ARCHITECTURES)}")
+        raise InputError(f"unknown architecture '{architecture}'; choose from {', '.join(ARCHITECTURES)}")
     return architecture
 
 
@@ -65,7 +77,7 @@ def nominal_inertia(scenario: Scenario, arm: ArmModel, q_start: Floats) -> Float
     """Diagonal of M_n [kg·m²], shape (n,): the scenario's, or that of M(q) at the start pose q_start (n,)."""
     given = scenario.controller.nominal_inertia
     if given is not None and len(given) != arm.n_joints:
-        raise ScenarioError(
+        raise InputError(
             f"scenario field 'controller.nominal_inertia' = {list(given)} has {len(given)} entries;"
             f" valid is one per joint, {' '.join(arm.joint_names)}"
         )
@@ -89,7 +101,7 @@ def add_controller(
     """Add the boxes of an architecture, wired to the MPC's commands and the measured q, qd; the caller takes tau.
 
     Boxes are named as in the figure.  offset [s] is that of the sampled boxes.  replace: boxes of the user's own by
-    name, see `replacement.chosen`.  Raises ScenarioError for an unknown architecture, a nominal inertia that does not
+    name, see `replacement.chosen`.  Raises InputError for an unknown architecture, a nominal inertia that does not
     fit the arm, or a box that does not fit its place.
     """
     parts = check_architecture(architecture).split("+")

@@ -11,6 +11,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
 
+from flipdiagram.arrays import Floats
 from flipdiagram.blocks.camera import Camera
 from flipdiagram.blocks.delay import Delay
 from flipdiagram.blocks.mpc import ModelPredictiveController
@@ -19,7 +20,7 @@ from flipdiagram.blocks.receding_horizon import RecedingHorizonController, Timin
 from flipdiagram.blocks.sensors import Encoder, PseudoDerivative
 from flipdiagram.diagrams.controller import ControllerBoxes, add_controller
 from flipdiagram.diagrams.replacement import Box
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.planning.limits import task_pose
 from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.planner import Planner
@@ -28,7 +29,6 @@ from flipdiagram.plants.cell import Cell, add_cell
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.theory.contact import Floats
 
 REPLANNING = ("solve_time", "iterations", "status", "cone_margin")
 """Signals of an MPC that replans, beside the commands."""
@@ -83,7 +83,7 @@ def build_loop(
 
     planner: what the MPC calls at the start of a run, by default the scenario's own; record: add sinks that log the
     signals every controller period; replace: boxes of the user's own by name, {"pd": MyController}, see
-    `replacement.chosen`; meshcat: where to show the cell.  Raises ScenarioError for an unknown architecture, a bad
+    `replacement.chosen`; meshcat: where to show the cell.  Raises InputError for an unknown architecture, a bad
     number or a box that does not fit, PlanningError where the arm cannot be at the start pose.
     """
     arm = arm_of(scenario)
@@ -120,11 +120,7 @@ def build_loop(
     logs = {}
     if record:
         signals = {name: mpc.GetOutputPort(name) for name in ("x_cmd", "v_cmd", "a_cmd")}
-        signals |= {
-            "state": cell.plant.get_state_output_port(),
-            "tau": tau,
-            "contact_wrench": cell.contact_wrench,
-        }
+        signals |= {"state": cell.plant.get_state_output_port(), "tau": tau, "contact_wrench": cell.contact_wrench}
         if isinstance(mpc, RecedingHorizonController):
             signals |= {name: mpc.GetOutputPort(name) for name in REPLANNING}
         if boxes.disturbance_observer is not None:
@@ -140,7 +136,7 @@ def build_loop(
         if "algebraic loop" not in str(error) or not replace:
             raise
         text = str(error).splitlines()[0]
-        raise ScenarioError(f"replace: {', '.join(replace)} closes an algebraic loop: {text}") from None
+        raise InputError(f"replace: {', '.join(replace)} closes an algebraic loop: {text}") from None
     diagram.set_name(architecture)
     return Loop(diagram, scenario, architecture, arm, mpc, boxes, cell, q_start, logs, tuple(replace or ()))
 
@@ -156,14 +152,23 @@ def _mpc(
         return ModelPredictiveController(planner, hold, start_time, stand=scenario.disturbance.start_error != 0)
     replanner = Replanner(scenario, arm)
     timing = Timing(
-        settings.replan_period, settings.compute_delay, settings.blend_time,
-        scenario.controller.period / 4, settings.replan_deadline,
-    )  # fmt: skip
+        settings.replan_period,
+        settings.compute_delay,
+        settings.blend_time,
+        scenario.controller.period / 4,
+        settings.replan_deadline,
+    )
     measured = settings.replan_from == "measured"
     return RecedingHorizonController(
-        planner, replanner.replan, hold, timing,
-        joints=arm.n_joints, start_time=start_time, measured=measured, fewest=FEWEST,
-    )  # fmt: skip
+        planner,
+        replanner.replan,
+        hold,
+        timing,
+        joints=arm.n_joints,
+        start_time=start_time,
+        measured=measured,
+        fewest=FEWEST,
+    )
 
 
 def _close_horizon(
@@ -181,9 +186,14 @@ def _close_horizon(
     sensors = scenario.sensors
     if sensors.camera_period is not None:
         camera = Camera(
-            cell.parts.arm.tool, cell.parts.block, sensors.camera_period, sensors.camera_delay, sensors.camera_noise,
-            sensors.camera_seed, offset=scenario.controller.period / 2,
-        )  # fmt: skip
+            cell.parts.arm.tool,
+            cell.parts.block,
+            sensors.camera_period,
+            sensors.camera_delay,
+            sensors.camera_noise,
+            sensors.camera_seed,
+            offset=scenario.controller.period / 2,
+        )
         builder.AddNamedSystem("camera", camera)
         builder.Connect(cell.plant.get_body_poses_output_port(), camera.get_input_port())
         builder.Connect(camera.get_output_port(), mpc.GetInputPort("shift"))

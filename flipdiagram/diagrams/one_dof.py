@@ -22,7 +22,7 @@ from flipdiagram.blocks.observer import DisturbanceObserver
 from flipdiagram.blocks.pd import ProportionalDerivative
 from flipdiagram.blocks.sensors import PseudoDerivative
 from flipdiagram.diagrams.controller import check_architecture
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.plants.one_dof import OneDofPlant
 from flipdiagram.scenario.one_dof import OneDof
 from flipdiagram.theory.transfer import Loop1Dof
@@ -36,7 +36,7 @@ NO_INERTIA = 1e-300
 def build_controller(architecture: str, settings: OneDof) -> Diagram:
     """One architecture for one degree of freedom, with the observer realised as in the settings.
 
-    The boxes are named as in Fig. 4; `force` = m_ref a_ref + tau_dis [N].  Raises ScenarioError for an unknown
+    The boxes are named as in Fig. 4; `force` = m_ref a_ref + tau_dis [N].  Raises InputError for an unknown
     architecture.
     """
     parts = check_architecture(architecture).split("+")
@@ -175,13 +175,13 @@ def _close(
     ports = [controller.get_input_port(i) for i in range(controller.num_input_ports())]
     unknown = [name for name in names if name not in CONTROLLER_INPUTS]
     if unknown:
-        raise ScenarioError(f"controller input '{unknown[0]}' is unknown; valid are {', '.join(CONTROLLER_INPUTS)}")
+        raise InputError(f"controller input '{unknown[0]}' is unknown; valid are {', '.join(CONTROLLER_INPUTS)}")
     if not controller.HasOutputPort("force"):
-        raise ScenarioError(f"controller '{controller.get_name()}' has no output 'force'; give it one [N]")
+        raise InputError(f"controller '{controller.get_name()}' has no output 'force'; give it one [N]")
     ports.append(controller.GetOutputPort("force"))
     for port in ports:
         if port.size() != 1:
-            raise ScenarioError(f"controller port '{port.get_name()}' has size {port.size()}; valid is 1")
+            raise InputError(f"controller port '{port.get_name()}' has size {port.size()}; valid is 1")
     builder.AddNamedSystem("controller", controller)
     for name, port in zip(names, ports, strict=False):
         source = signals[name]

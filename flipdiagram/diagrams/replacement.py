@@ -7,7 +7,7 @@ from typing import Any
 
 from pydrake.systems.framework import InputPort, OutputPort, PortDataType
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 Box = Any
 """A Drake System, or a function without arguments that makes one: a System serves one diagram only."""
@@ -19,14 +19,12 @@ def chosen(
     """The boxes of an architecture, those in `replace` in the place of ours.
 
     A box must have every output port of the one it replaces, by name and size.  Its input ports may be any of the
-    figure's `signals`, by name: it need not take all that the other took, and may take more.  Raises ScenarioError
+    figure's `signals`, by name: it need not take all that the other took, and may take more.  Raises InputError
     naming box and port that do not fit.
     """
     for name in replace:
         if name not in ours:
-            raise ScenarioError(
-                f"replace: '{architecture}' has no box '{name}' to replace; choose from {', '.join(ours)}"
-            )
+            raise InputError(f"replace: '{architecture}' has no box '{name}' to replace; choose from {', '.join(ours)}")
     boxes = dict(ours)
     for name, given in replace.items():
         box = _made(name, given)
@@ -44,9 +42,9 @@ def chosen(
     return boxes
 
 
-def misfit(name: str, has: str, valid: str) -> ScenarioError:
+def misfit(name: str, has: str, valid: str) -> InputError:
     """The error of a box that does not fit its place."""
-    return ScenarioError(f"replace: the box for '{name}' has {has}; valid is {valid}")
+    return InputError(f"replace: the box for '{name}' has {has}; valid is {valid}")
 
 
 def _made(name: str, given: Box) -> Any:
@@ -54,7 +52,7 @@ def _made(name: str, given: Box) -> Any:
     if isinstance(given, type) or (isinstance(given, Callable) and not hasattr(given, "num_input_ports")):  # type: ignore[arg-type]
         box = given()
     if not hasattr(box, "num_input_ports"):
-        raise ScenarioError(f"replace: '{name}' = {given!r} is no Drake System; valid is one, or what makes one")
+        raise InputError(f"replace: '{name}' = {given!r} is no Drake System; valid is one, or what makes one")
     return box
 
 

@@ -11,7 +11,7 @@ from flipdiagram.drawing.layout import Line
 from flipdiagram.drawing.placement import Placement, place
 from flipdiagram.drawing.style import Style
 from flipdiagram.drawing.typography import box_lines, signal_html, signal_rows
-from flipdiagram.errors import MissingProgramError, ScenarioError
+from flipdiagram.errors import InputError, MissingProgramError
 
 INSTALL = (
     "program 'dot' is not installed; SVG and PNG drawings need it: `apt-get install graphviz` or"
@@ -80,7 +80,7 @@ def run_dot(text: str, *options: str) -> bytes:
     if done.returncode != 0:
         said = done.stderr.decode(errors="replace").strip().splitlines()
         reason = next((line for line in said if "rror" in line), f"exit code {done.returncode}")
-        raise ScenarioError(f"Graphviz cannot draw the diagram: {reason}")
+        raise InputError(f"Graphviz cannot draw the diagram: {reason}")
     return done.stdout
 
 

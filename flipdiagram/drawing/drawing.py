@@ -17,7 +17,7 @@ from flipdiagram.drawing.layout import FEEDBACK, Line, lines
 from flipdiagram.drawing.mermaid import to_mermaid
 from flipdiagram.drawing.rates import RateTable, rates_of
 from flipdiagram.drawing.style import Style, styled_by_rate
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.files import write_atomically
 
 CELL = ("scene_graph", "joint_friction", "joint_torque", "joint_state", "contact_forces")
@@ -63,15 +63,19 @@ class Drawing:
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the figure by the suffix of `path`: .dot, .svg, .png, .mmd (Mermaid) or .md (Mermaid and table).
 
-        The file appears whole or not at all.  Raises ScenarioError for another suffix or a place that cannot be
+        The file appears whole or not at all.  Raises InputError for another suffix or a place that cannot be
         written, MissingProgramError as `svg` does.
         """
         forms: dict[str, Callable[[], str | bytes]] = {
-            ".dot": self.dot, ".svg": self.svg, ".png": self.png, ".mmd": self.mermaid, ".md": self._markdown,
-        }  # fmt: skip
+            ".dot": self.dot,
+            ".svg": self.svg,
+            ".png": self.png,
+            ".mmd": self.mermaid,
+            ".md": self._markdown,
+        }
         suffix = Path(path).suffix.lower()
         if suffix not in forms:
-            raise ScenarioError(f"drawing '{path}' has the suffix '{suffix}'; choose from {', '.join(forms)}")
+            raise InputError(f"drawing '{path}' has the suffix '{suffix}'; choose from {', '.join(forms)}")
         return write_atomically(path, forms[suffix]())
 
     def _render(self, form: str) -> bytes:
@@ -105,14 +109,14 @@ def draw(
     names of boxes on the way back, drawn from right to left; taps: draw log sinks and meters too, and in a diagram
     without inputs the outputs that tap a signal which also goes elsewhere.
 
-    Raises ScenarioError for a depth that is no whole number >= 0, groups that do not fit, or what is no Diagram.
+    Raises InputError for a depth that is no whole number >= 0, groups that do not fit, or what is no Diagram.
     """
     if isinstance(diagram, Loop):
         cell = (diagram.cell.plant.get_name(), *CELL)
         groups = {"robot": cell} if groups is None else groups
         diagram = diagram.diagram
     if not isinstance(diagram, Diagram):
-        raise ScenarioError(f"cannot draw a {type(diagram).__name__}; valid is a Drake Diagram or a Loop")
+        raise InputError(f"cannot draw a {type(diagram).__name__}; valid is a Drake Diagram or a Loop")
     graph = read_graph(diagram, depth=depth, groups=groups, taps=taps)
     style = styled_by_rate(graph.boxes) if rates else Style()
     return Drawing(graph, lines(graph, feedback), style, title)

@@ -10,7 +10,7 @@ from pydrake.systems.framework import Diagram, InputPort, OutputPort, System
 from pydrake.systems.primitives import Adder, VectorLogSink
 
 from flipdiagram.blocks.meters import LockIn, Peak, RootMeanSquare
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 TAPS = (VectorLogSink, LockIn, Peak, RootMeanSquare)
 """Systems that only look on: log sinks, and the meters of section III."""
@@ -77,7 +77,7 @@ def read_graph(
 ) -> Graph:
     """Boxes and arrows of a diagram; see `flipdiagram.drawing.draw` for the arguments and the errors."""
     if isinstance(depth, bool) or not isinstance(depth, int) or depth < 0:
-        raise ScenarioError(f"depth = {depth!r}; valid is a whole number >= 0")
+        raise InputError(f"depth = {depth!r}; valid is a whole number >= 0")
     return _Reader(diagram, depth, groups or {}, taps).read()
 
 
@@ -234,17 +234,17 @@ class _Reader:
 
 
 def _group_of(diagram: Diagram, groups: Mapping[str, Collection[str]]) -> dict[str, str]:
-    """Name of the group by name of the system.  Raises ScenarioError for names that do not fit the diagram."""
+    """Name of the group by name of the system.  Raises InputError for names that do not fit the diagram."""
     names = [name for name, _ in named_systems(diagram)]
     found: dict[str, str] = {}
     for group, members in groups.items():
         for name in members:
             if name not in names:
-                raise ScenarioError(f"group '{group}' names system '{name}'; choose from {', '.join(names)}")
+                raise InputError(f"group '{group}' names system '{name}'; choose from {', '.join(names)}")
             if name in found:
-                raise ScenarioError(f"system '{name}' is in groups '{found[name]}' and '{group}'; one is valid")
+                raise InputError(f"system '{name}' is in groups '{found[name]}' and '{group}'; one is valid")
             found[name] = group
     for group in groups:
         if group in names and found.get(group) != group:
-            raise ScenarioError(f"group '{group}' has the name of a system outside it; choose another name")
+            raise InputError(f"group '{group}' has the name of a system outside it; choose another name")
     return found

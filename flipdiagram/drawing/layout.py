@@ -8,9 +8,15 @@ from dataclasses import dataclass
 from flipdiagram.drawing.graph import Arrow, Graph, Path
 
 FEEDBACK = (
-    "tool_kinematics", "disturbance_observer", "encoder", "velocity", "measured_acceleration", "v_noise_sum",
-    "position_noise", "velocity_noise",
-)  # fmt: skip
+    "tool_kinematics",
+    "disturbance_observer",
+    "encoder",
+    "velocity",
+    "measured_acceleration",
+    "v_noise_sum",
+    "position_noise",
+    "velocity_noise",
+)
 """Boxes of ours on the way back from the plant; no rule could tell them from the boxes of the forward path."""
 
 
@@ -54,9 +60,7 @@ def _signals(graph: Graph, pair: tuple[Path, Path], arrows: list[Arrow]) -> tupl
     return tuple(dict.fromkeys(a.signal for a in arrows if a.signal and a.signal not in after))
 
 
-def _backward(
-    graph: Graph, pairs: list[tuple[Path, Path]], feedback: Collection[str]
-) -> set[tuple[Path, Path]]:
+def _backward(graph: Graph, pairs: list[tuple[Path, Path]], feedback: Collection[str]) -> set[tuple[Path, Path]]:
     """What closes a circle, found by following the arrows from the sources; and what feedback boxes take and give."""
     after: dict[Path, list[Path]] = {box.path: [] for box in graph.boxes}
     for source, target in pairs:

@@ -56,9 +56,11 @@ def place(laid_out: bytes, lines: tuple[Line, ...], sums: frozenset[str]) -> Pla
     corners = [*boxes.values(), *areas.values(), *names]
     xs, ys = zip(*(point for route in routes for point in route), strict=True) if lines else ((0,), (0,))
     frame = Rectangle(
-        min([*xs, *(c.left for c in corners)]), min([*ys, *(c.bottom for c in corners)]),
-        max([*xs, *(c.right for c in corners)]), max([*ys, *(c.top for c in corners)]),
-    )  # fmt: skip
+        min([*xs, *(c.left for c in corners)]),
+        min([*ys, *(c.bottom for c in corners)]),
+        max([*xs, *(c.right for c in corners)]),
+        max([*ys, *(c.top for c in corners)]),
+    )
     nodes = {name: 'pos="{:.2f},{:.2f}"'.format(*box.centre) for name, box in boxes.items()}
     clusters = {
         name: 'bb="{:.2f},{:.2f},{:.2f},{:.2f}"; lp="{:.2f},{:.2f}"'.format(*a.sides, *title_at[name])

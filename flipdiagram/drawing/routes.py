@@ -197,9 +197,7 @@ def _straight(a: Rectangle, b: Rectangle, i: float) -> Iterator[Route]:
         yield ((x, a.top), (x, b.bottom)) if a.top <= b.bottom else ((x, a.bottom), (x, b.top))
 
 
-def _bent(
-    a: Rectangle, b: Rectangle, i: float, j: float, lanes: tuple[list[float], list[float]]
-) -> Iterator[Route]:
+def _bent(a: Rectangle, b: Rectangle, i: float, j: float, lanes: tuple[list[float], list[float]]) -> Iterator[Route]:
     """Of one or two corners, off the middles of the boxes by i and j."""
     (ax, ay), (bx, by) = (a.centre[0] + i, a.centre[1] + i), (b.centre[0] + j, b.centre[1] + j)
     if not a.left <= bx <= a.right and not b.bottom <= ay <= b.top:

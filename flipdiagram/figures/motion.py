@@ -18,9 +18,10 @@ import xarray as xr
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.arrays import Array
+from flipdiagram.errors import InputError
 from flipdiagram.files import atomic_path
 from flipdiagram.scenario.scenario import ARCHITECTURES
 from flipdiagram.simulation import metrics
@@ -28,7 +29,6 @@ from flipdiagram.simulation import metrics
 if TYPE_CHECKING:
     from flipdiagram.planning.plan import Plan
 
-Array = NDArray[Any]
 Recordings = Mapping[str, xr.Dataset]
 
 
@@ -46,12 +46,7 @@ class Style:
 
     def line(self) -> dict[str, Any]:
         """Keywords of Axes.plot."""
-        return {
-            "color": self.color,
-            "linestyle": self.linestyle,
-            "linewidth": self.linewidth,
-            "zorder": self.zorder,
-        }
+        return {"color": self.color, "linestyle": self.linestyle, "linewidth": self.linewidth, "zorder": self.zorder}
 
 
 # broken lines lie over solid ones, or they could not be seen where two signals agree
@@ -62,13 +57,7 @@ STYLES = {
     "pd+dob": Style("#0072B2", (0, (5, 1.5)), 2.6),
     "pd+ff+dob": Style("#009E73", "-", 2.5, 1.9),
 }
-NAMES = {
-    "command": "command",
-    "pd": "PD",
-    "pd+ff": "PD + FF",
-    "pd+dob": "PD + DOB",
-    "pd+ff+dob": "PD + FF + DOB",
-}
+NAMES = {"command": "command", "pd": "PD", "pd+ff": "PD + FF", "pd+dob": "PD + DOB", "pd+ff+dob": "PD + FF + DOB"}
 WITH_OBSERVER = ("pd+dob", "pd+ff+dob")
 AXES = ("y", "z", "theta")
 LABELS = {
@@ -87,13 +76,11 @@ RC: Any = {
 
 
 def style_of(name: str) -> Style:
-    """The style of an architecture or of the command; raises ScenarioError for an unknown name."""
+    """The style of an architecture or of the command; raises InputError for an unknown name."""
     try:
         return STYLES[name]
     except KeyError:
-        raise ScenarioError(
-            f"unknown architecture '{name}'; choose from {', '.join(ARCHITECTURES)}"
-        ) from None
+        raise InputError(f"unknown architecture '{name}'; choose from {', '.join(ARCHITECTURES)}") from None
 
 
 def dropped_at(recording: xr.Dataset) -> float | None:
@@ -226,7 +213,7 @@ def new_axes(count: int, size: tuple[float, float], columns: int = 1, frame: boo
 def save(figure: Figure, path: str | Path, dpi: int = 150) -> list[Path]:
     """Write `path`.png and `path`.svg (path without suffix), each whole or not at all; returns both paths.
 
-    No dates inside: the same figure gives the same bytes. Raises ScenarioError where it cannot write.
+    No dates inside: the same figure gives the same bytes. Raises InputError where it cannot write.
     """
     written = []
     with rc_context(RC):

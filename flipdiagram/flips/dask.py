@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.flips.engine import Engine
 from flipdiagram.flips.flips import SOURCES
 from flipdiagram.flips.provenance import code_version
@@ -17,18 +17,18 @@ CONNECT_TIMEOUT = 10.0
 
 @contextmanager
 def cluster(address: str) -> Iterator[Engine]:
-    """The workers of the scheduler at an address; ScenarioError where there is none, or with other code."""
+    """The workers of the scheduler at an address; InputError where there is none, or with other code."""
     try:
         from distributed import Client
     except ImportError:
-        raise ScenarioError(
+        raise InputError(
             f"--scheduler = '{address}' needs Dask, which is not installed;"
             " install it with: pip install 'flipdiagram[cluster]'"
         ) from None
     try:
         client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
-        raise ScenarioError(
+        raise InputError(
             f"--scheduler = '{address}' cannot be reached: {_first_line(error)};"
             " valid is the address that `dask scheduler` prints, such as tcp://127.0.0.1:8786"
         ) from None
@@ -53,13 +53,13 @@ def _check_versions(client: Any, address: str) -> None:
     try:
         found = client.run(code_version, SOURCES)
     except Exception as error:  # a worker raises what it likes: no such module, another Python
-        raise ScenarioError(
+        raise InputError(
             f"--scheduler = '{address}': a worker cannot run this program: {_first_line(error)};"
             " valid are workers with the same flipdiagram installed"
         ) from None
     other = [worker for worker, version in found.items() if version != code_version(SOURCES)]
     if other:
-        raise ScenarioError(
+        raise InputError(
             f"--scheduler = '{address}': {', '.join(other)} has other code or versions than this process;"
             " valid are workers with the same flipdiagram, Drake and Python"
         )

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.flips.children import close_children, kill_children
 from flipdiagram.flips.engine import Engine
 
@@ -16,7 +16,7 @@ from flipdiagram.flips.engine import Engine
 def engine(jobs: int | None = None, scheduler: str | None = None) -> Iterator[Engine]:
     """The cores of this machine, `jobs` of them, or the cluster of a Dask scheduler, 'tcp://127.0.0.1:8786'.
 
-    Listens nowhere: processes are children on socket pairs, the scheduler is connected to.  Raises ScenarioError
+    Listens nowhere: processes are children on socket pairs, the scheduler is connected to.  Raises InputError
     where the cluster cannot be used.
     """
     if scheduler is not None:
@@ -27,7 +27,7 @@ def engine(jobs: int | None = None, scheduler: str | None = None) -> Iterator[En
         return
     count = jobs or cores()
     if count < 1:
-        raise ScenarioError(f"jobs = {jobs} is not valid; valid is a whole number above 0")
+        raise InputError(f"jobs = {jobs} is not valid; valid is a whole number above 0")
     threads = ThreadPoolExecutor(count, thread_name_prefix="campaign")
     try:
         yield Engine(threads, lambda: count, f"{count} process{'es' if count > 1 else ''}")

@@ -29,9 +29,7 @@ PLAN_SECTIONS = ("arm", "tool", "object", "table", "task", "planner")
 """What a plan depends on; a test checks that nothing else changes it."""
 BATCH = 150
 """Flips after which the processes are renewed: Drake never frees a Python system."""
-SOURCES = (
-    "blocks", "diagrams", "planning", "plants", "robot", "scenario", "simulation", "theory",
-)  # fmt: skip
+SOURCES = ("blocks", "diagrams", "planning", "plants", "robot", "scenario", "simulation", "theory")
 """Modules whose code decides what a flip measures; a test compares them with what `simulate`, `metrics` import."""
 
 Progress = Callable[[str], None]
@@ -94,11 +92,7 @@ class Outcome:
 
 
 def run_flips(
-    flips: Sequence[Flip],
-    out: Path,
-    *,
-    jobs: int | None = None,
-    progress: Progress = lambda text: None,
+    flips: Sequence[Flip], out: Path, *, jobs: int | None = None, progress: Progress = lambda text: None
 ) -> list[Outcome]:
     """The outcomes of the flips, in their order; only those that `out`/runs.sqlite does not hold are run.
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 VERSION = 1
 SCHEMA = """
@@ -24,7 +24,7 @@ PATIENCE = 30.0
 class Store:
     """Plans and outcomes by key.  Use it in a `with` block.
 
-    Raises ScenarioError, naming the file, where it is damaged, of a newer version, locked, or the disk is full.
+    Raises InputError, naming the file, where it is damaged, of a newer version, locked, or the disk is full.
     """
 
     def __init__(self, path: Path) -> None:
@@ -52,7 +52,7 @@ class Store:
     def _open(self) -> None:
         (version,) = self._database.execute("PRAGMA user_version").fetchone()
         if version > VERSION:
-            raise ScenarioError(
+            raise InputError(
                 f"'{self.path}' is of version {version}, newer than this program; valid is at most {VERSION}"
             )
         # a writer that is killed leaves the last committed entry, and readers do not wait for it
@@ -94,4 +94,4 @@ class Store:
             yield
         except (sqlite3.Error, OSError) as error:
             message = f"'{self.path}' cannot be used: {error}; valid is a writable file of this program, or none"
-            raise ScenarioError(message) from None
+            raise InputError(message) from None

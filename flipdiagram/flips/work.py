@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from flipdiagram.diagrams.controller import nominal_inertia
-from flipdiagram.errors import PlanningError, ScenarioError, SimulationError
+from flipdiagram.errors import InputError, PlanningError, SimulationError
 from flipdiagram.files import versions
 from flipdiagram.flips.flips import SOURCES, Flip, Outcome, fly_one
 from flipdiagram.flips.provenance import code_version
@@ -68,7 +68,7 @@ def plan_trial(believed: Scenario) -> Planned:
     """Plan a motion, or say why there is none."""
     try:
         return plan_motion(believed).to_json(), None
-    except (PlanningError, SimulationError, ScenarioError) as error:
+    except (PlanningError, SimulationError, InputError) as error:
         return None, str(error)
 
 

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.arrays import Floats
+from flipdiagram.errors import InputError
 from flipdiagram.planning.native.condensing import compiled
-from flipdiagram.theory.contact import Floats
 
 ROWS_PER_VARIABLE = 1.5
 """Rows given to the solver at first, per variable; a solution has no more active rows than variables."""
@@ -56,11 +56,11 @@ class Minimum:
 
 @cache
 def load_daqp() -> Any:
-    """The module daqp; raises ScenarioError, which says how to install it, where it is missing."""
+    """The module daqp; raises InputError, which says how to install it, where it is missing."""
     try:
         return import_module("daqp")
     except ImportError:
-        raise ScenarioError(
+        raise InputError(
             "scenario field 'planner.solver' = 'daqp' needs the package daqp: pip install 'flipdiagram[fast]';"
             " valid without it is clarabel"
         ) from None

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flipdiagram.arrays import Floats
 from flipdiagram.planning.plan import Plan
-from flipdiagram.theory.contact import Floats
 
 Three = tuple[float, float, float]
 NOTHING: Three = (0.0, 0.0, 0.0)

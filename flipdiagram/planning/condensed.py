@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flipdiagram.arrays import Floats
 from flipdiagram.planning import active_set
 from flipdiagram.planning.horizon import INPUTS, STATES, STRIDE, Layout
 from flipdiagram.planning.model import LandingCost, flight
@@ -23,7 +24,6 @@ from flipdiagram.planning.native import condensing as kernels
 from flipdiagram.planning.native.condensing import AXES
 from flipdiagram.planning.program import FREE_TRUST, TRUST_LENGTH, TURNING_RADIUS, Solution
 from flipdiagram.planning.rows import Rows
-from flipdiagram.theory.contact import Floats
 
 CACHED = 32
 """Pairs of contact and flight samples whose matrix is kept, the last ones used; another takes a few tenths of a ms."""
@@ -47,7 +47,7 @@ class CondensedProgram:
 
     Each solve depends on the last `update` alone, to the bit: the guess from which it starts is the trajectory about
     which the rows were linearised.  Slacks are not offered: an infeasible program ends with success False.  Raises
-    ScenarioError where the package daqp is missing.
+    InputError where the package daqp is missing.
     """
 
     def __init__(self, layout: Layout, sampling_time: float, cost: LandingCost, smoothing: float) -> None:
@@ -65,9 +65,15 @@ class CondensedProgram:
         self._problem: tuple[Floats, Floats, Floats, Floats, int, Floats] | None = None
 
     def update(
-        self, start: Floats, n_contact: int, n_flight: int, landing: tuple[Floats, float], rows: Rows,
-        near: Floats, trust: float,
-    ) -> None:  # fmt: skip
+        self,
+        start: Floats,
+        n_contact: int,
+        n_flight: int,
+        landing: tuple[Floats, float],
+        rows: Rows,
+        near: Floats,
+        trust: float,
+    ) -> None:
         """New numbers: start (6,), horizon, landing row on x̂(release) and its bound, rows, trust about `near`.
 
         All as in `HorizonProgram.update`; the waiting samples pass at the start's constant velocity.
@@ -87,9 +93,21 @@ class CondensedProgram:
         length = trust * TRUST_LENGTH if trust < FREE_TRUST else np.inf
         row = np.ascontiguousarray(landing[0], dtype=float)
         count = loops.condense(
-            *entries, horizon.map, self._drift, self._guess, near, np.array([length, length, trust]),
-            first, self._released, row, float(landing[1]), A, low, high, slack,
-        )  # fmt: skip
+            *entries,
+            horizon.map,
+            self._drift,
+            self._guess,
+            near,
+            np.array([length, length, trust]),
+            first,
+            self._released,
+            row,
+            float(landing[1]),
+            A,
+            low,
+            high,
+            slack,
+        )
         self._problem = (f, A[:count], low[:count], high[:count], kernels.EQUALITIES, slack[:count])
         self._entries, self._landing, self._map = entries, (row, float(landing[1])), horizon.map
 

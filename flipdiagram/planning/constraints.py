@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from flipdiagram.planning.horizon import Indices, Layout
+from flipdiagram.arrays import Floats, Indices
+from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.model import flight
 from flipdiagram.planning.rows import Rows
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.theory.contact import GRAVITY_Z, Floats, tool_normal, tool_tangent
+from flipdiagram.theory.contact import GRAVITY_Z, tool_normal, tool_tangent
 
 FRICTION = "friction cone"
 NORMAL = "normal force"
@@ -106,11 +107,7 @@ def stick_rows(rows: Rows, layout: Layout, point: Trajectory, scenario: Scenario
             # ±(k² a_θ − h F_s) ≤ reach · F_n; rows in units of acceleration, as the others
             moment = [(layout.u(k, 2), sign * geometry.gyration / reach)]
             moment += _scaled(tangential, -sign * geometry.half_thickness / reach)
-            rows.add(
-                SUPPORT,
-                [*moment, *_scaled(normal, -1.0)],
-                f_n0 + sign * geometry.half_thickness / reach * f_s0,
-            )
+            rows.add(SUPPORT, [*moment, *_scaled(normal, -1.0)], f_n0 + sign * geometry.half_thickness / reach * f_s0)
 
 
 def workspace_rows(rows: Rows, layout: Layout, point: Trajectory, scenario: Scenario) -> None:
@@ -121,9 +118,7 @@ def workspace_rows(rows: Rows, layout: Layout, point: Trajectory, scenario: Scen
         rows.add(WORKSPACE, [(layout.x(k, component), -1.0)], np.full(k.size, -low))
 
 
-def clearance_rows(
-    rows: Rows, layout: Layout, point: Trajectory, scenario: Scenario, shift: float = 0.0
-) -> None:
+def clearance_rows(rows: Rows, layout: Layout, point: Trajectory, scenario: Scenario, shift: float = 0.0) -> None:
     """Every corner of the blade, and of the block while it is carried, keeps its distance to the table.
 
     shift: how far the block sits from the middle of the blade along s [m].
@@ -168,11 +163,16 @@ def separation_rows(rows: Rows, layout: Layout, point: Trajectory, scenario: Sce
         by_block_angle = np.sum(d_arm * n, axis=-1)
         by_tool_angle = -np.sum(offset * s, axis=-1)
         terms = [
-            (layout.x(r, 0), n[:, 0]), (layout.x(r, 1), n[:, 1]),
-            (layout.x(r, 3), n[:, 0] * time), (layout.x(r, 4), n[:, 1] * time),
-            (layout.x(r, 2), by_block_angle), (layout.x(r, 5), by_block_angle * time),
-            (layout.x(at, 0), -n[:, 0]), (layout.x(at, 1), -n[:, 1]), (layout.x(at, 2), by_tool_angle),
-        ]  # fmt: skip
+            (layout.x(r, 0), n[:, 0]),
+            (layout.x(r, 1), n[:, 1]),
+            (layout.x(r, 3), n[:, 0] * time),
+            (layout.x(r, 4), n[:, 1] * time),
+            (layout.x(r, 2), by_block_angle),
+            (layout.x(r, 5), by_block_angle * time),
+            (layout.x(at, 0), -n[:, 0]),
+            (layout.x(at, 1), -n[:, 1]),
+            (layout.x(at, 2), by_tool_angle),
+        ]
         value = np.sum(offset * n, axis=-1) + h
         at_point = np.sum((block - np.array([0, GRAVITY_Z / 2]) * time[:, None] ** 2 - tool) * n, axis=-1)
         at_point += by_block_angle * block_angle + by_tool_angle * angle
@@ -190,9 +190,11 @@ def flight_rows(rows: Rows, layout: Layout, point: Trajectory, scenario: Scenari
         height = s * np.sin(theta) + n * np.cos(theta)
         slope = s * np.cos(theta) - n * np.sin(theta)
         terms = [
-            (layout.x(r, 1), -1.0), (layout.x(r, 4), -time),
-            (layout.x(r, 2), -slope), (layout.x(r, 5), -slope * time),
-        ]  # fmt: skip
+            (layout.x(r, 1), -1.0),
+            (layout.x(r, 4), -time),
+            (layout.x(r, 2), -slope),
+            (layout.x(r, 5), -slope * time),
+        ]
         rows.add(CLEARANCE, terms, height - slope * theta + GRAVITY_Z * time**2 / 2 - scenario.table.height)
 
 

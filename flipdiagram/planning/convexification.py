@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flipdiagram.arrays import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import constraints, limits
 from flipdiagram.planning.constraints import Trajectory
@@ -17,12 +18,19 @@ from flipdiagram.planning.rows import Rows
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.theory import contact
-from flipdiagram.theory.contact import Floats
 
 GROUPS = (
-    constraints.FRICTION, constraints.NORMAL, constraints.SUPPORT, constraints.RELEASE, constraints.WORKSPACE,
-    constraints.CLEARANCE, constraints.SEPARATION, limits.POSITION, limits.SPEED, limits.TORQUE,
-)  # fmt: skip
+    constraints.FRICTION,
+    constraints.NORMAL,
+    constraints.SUPPORT,
+    constraints.RELEASE,
+    constraints.WORKSPACE,
+    constraints.CLEARANCE,
+    constraints.SEPARATION,
+    limits.POSITION,
+    limits.SPEED,
+    limits.TORQUE,
+)
 FIRST_TRUST = 1.0
 """Trust radius on θ [rad] of the first linearisation; halved whenever the iterates move apart."""
 LEAST_TRUST = 1e-3
@@ -85,12 +93,7 @@ class Convexification:
     def _build(self, elastic_groups: tuple[str, ...]) -> Program:
         settings = self.scenario.planner
         return make_program(
-            self.layout,
-            settings.sampling_time,
-            self.cost,
-            settings.smoothing,
-            settings.solver,
-            elastic_groups,
+            self.layout, settings.sampling_time, self.cost, settings.smoothing, settings.solver, elastic_groups
         )
 
     @property

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
+from flipdiagram.arrays import Floats
 from flipdiagram.planning.condensed import CondensedProgram
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.model import LandingCost
@@ -14,7 +15,6 @@ from flipdiagram.planning.rows import Rows
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.serial_chain import serial_chain
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.theory.contact import Floats
 
 if TYPE_CHECKING:
     from flipdiagram.planning.native.linearisation import Linearisation
@@ -33,9 +33,15 @@ class Program(Protocol):
     cost: LandingCost
 
     def update(
-        self, start: Floats, n_contact: int, n_flight: int, landing: tuple[Floats, float], rows: Rows,
-        near: Floats, trust: float,
-    ) -> None:  # fmt: skip
+        self,
+        start: Floats,
+        n_contact: int,
+        n_flight: int,
+        landing: tuple[Floats, float],
+        rows: Rows,
+        near: Floats,
+        trust: float,
+    ) -> None:
         """New numbers, as in `HorizonProgram.update`."""
 
     def solve(self) -> Solution:
@@ -61,7 +67,7 @@ def make_program(
     """The program of that `planner.solver`, built once for a layout and ΔT [s]; smoothing [s⁵/m²].
 
     An elastic program has slacks, which only Drake's programs offer: for "daqp" it is one with Clarabel.  Raises
-    ScenarioError where the solver is not built in, has no licence, or its package is not installed.
+    InputError where the solver is not built in, has no licence, or its package is not installed.
     """
     if solver != CONDENSED:
         return HorizonProgram(layout, sampling_time, cost, smoothing, solver, elastic_groups)

@@ -6,10 +6,10 @@ import time
 
 import numpy as np
 
+from flipdiagram.arrays import Floats
 from flipdiagram.planning.convexification import Convexification, Outcome
 from flipdiagram.planning.plan import Plan
 from flipdiagram.theory import contact
-from flipdiagram.theory.contact import Floats
 
 
 def moving(outcome: Outcome, horizons: Convexification) -> tuple[Floats, Floats]:

@@ -10,16 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flipdiagram.theory.contact import Floats
+from flipdiagram.arrays import Floats, Indices
 
 STATES, INPUTS = 6, 3
 STRIDE = STATES + INPUTS
 # typical magnitudes of [y, z, θ, v_y, v_z, v_θ, a_y, a_z, a_θ]: an interior-point solver needs them near one
 UNITS = np.array([0.3, 0.3, 2.0, 1.0, 1.0, 5.0, 10.0, 10.0, 100.0])
-
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flipdiagram.planning.horizon import Indices, Layout
+from flipdiagram.arrays import Floats, Indices
+from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.rows import Rows
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.theory.contact import Floats
 
 POSITION = "joint position limit"
 SPEED = "joint speed limit"
@@ -142,8 +142,17 @@ def _picked(k: Indices, j: Indices, columns: int, derivative: Callable[[int], Fl
     return np.array(rows).reshape(k.size, columns)
 
 
-def joint_rows(rows: Rows, layout: Layout, motion: JointMotion, states: Floats, inputs: Floats,
-               arm: ArmModel, allowed: Allowed, first: int = 0, given_start: bool = False) -> None:  # fmt: skip
+def joint_rows(
+    rows: Rows,
+    layout: Layout,
+    motion: JointMotion,
+    states: Floats,
+    inputs: Floats,
+    arm: ArmModel,
+    allowed: Allowed,
+    first: int = 0,
+    given_start: bool = False,
+) -> None:
     """Rows that keep each joint's position, speed and torque inside what is allowed.
 
     The motion starts at sample `first` of the layout; given_start: in motion, with position and speed that no row could
@@ -168,8 +177,17 @@ def joint_rows(rows: Rows, layout: Layout, motion: JointMotion, states: Floats, 
         _torque_rows(rows, layout, motion, states, inputs, arm, allowed.torque, first, end)
 
 
-def _torque_rows(rows: Rows, layout: Layout, motion: JointMotion, states: Floats, inputs: Floats,
-                 arm: ArmModel, limit: Floats, first: int, end: int) -> None:  # fmt: skip
+def _torque_rows(
+    rows: Rows,
+    layout: Layout,
+    motion: JointMotion,
+    states: Floats,
+    inputs: Floats,
+    arm: ArmModel,
+    limit: Floats,
+    first: int,
+    end: int,
+) -> None:
     """Torque at the start (end = 0) or end (1) of every interval."""
     k, j = np.nonzero(np.abs(motion.torque[end]) > NEAR * limit)
     scale = np.sign(motion.torque[end, k, j]) / limit[j]

@@ -11,7 +11,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from flipdiagram.theory.contact import GRAVITY_Z, Floats
+from flipdiagram.arrays import Floats
+from flipdiagram.theory.contact import GRAVITY_Z
 
 
 def transition(sampling_time: float) -> tuple[Floats, Floats]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flipdiagram.arrays import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import constraints, limits
 from flipdiagram.planning.constraints import Geometry, Trajectory
@@ -23,7 +24,6 @@ from flipdiagram.planning.slide import Slide, tilt_for
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.theory import contact
-from flipdiagram.theory.contact import Floats
 
 CARRY_SAMPLES = (40, 60, 80, 120, 160)
 """Durations tried for the carrying, in samples: the first that the contact and the joints allow."""
@@ -144,12 +144,21 @@ class Placer:
                 raise PlanningError(f"{kind} cannot be met: {value:.2f} x the limit would be needed")
         phi = contact.sliding_angle(inputs[:carried, :2], states[:carried, 2])
         return Plan(
-            sampling_time=self.settings.sampling_time, n_contact=contact_samples, n_flight=1,
-            n_brake=len(inputs) - contact_samples, states=states, inputs=inputs, cost=0.0, residual=0.0,
+            sampling_time=self.settings.sampling_time,
+            n_contact=contact_samples,
+            n_flight=1,
+            n_brake=len(inputs) - contact_samples,
+            states=states,
+            inputs=inputs,
+            cost=0.0,
+            residual=0.0,
             max_sliding_angle=float(np.abs(phi).max()),
-            friction_angle=float(contact.friction_angle(scenario.object.friction)), limit_use=use,
-            solver="clarabel", iterations=1, solve_time=time.perf_counter() - begin,
-        )  # fmt: skip
+            friction_angle=float(contact.friction_angle(scenario.object.friction)),
+            limit_use=use,
+            solver="clarabel",
+            iterations=1,
+            solve_time=time.perf_counter() - begin,
+        )
 
 
 def _samples(duration: float, dt: float) -> int:

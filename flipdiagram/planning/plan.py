@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.arrays import Floats
+from flipdiagram.errors import InputError
 from flipdiagram.planning.model import flight
 from flipdiagram.theory import contact
-from flipdiagram.theory.contact import Floats
 
 SCHEMA = "flipdiagram/motion/1"
 
@@ -165,17 +165,15 @@ class Plan:
 
     @classmethod
     def from_json(cls, text: str, source: str = "plan") -> Plan:
-        """Read what `to_json` wrote; raises ScenarioError where it is something else."""
+        """Read what `to_json` wrote; raises InputError where it is something else."""
         try:
             data = json.loads(text)
         except ValueError as error:
-            raise ScenarioError(f"{source} is not valid JSON: {error}") from None
+            raise InputError(f"{source} is not valid JSON: {error}") from None
         if not isinstance(data, dict) or data.pop("schema", None) != SCHEMA:
-            raise ScenarioError(f"{source} is no plan file; valid is a file with schema '{SCHEMA}'")
+            raise InputError(f"{source} is no plan file; valid is a file with schema '{SCHEMA}'")
         if set(data) != {f.name for f in fields(cls)}:
-            raise ScenarioError(
-                f"{source} lacks fields of a plan or has others; valid is a file written by this version"
-            )
+            raise InputError(f"{source} lacks fields of a plan or has others; valid is a file written by this version")
         try:
             data["states"], data["inputs"] = (np.array(data[name], dtype=float) for name in ("states", "inputs"))
             data["program_times"] = tuple(data["program_times"])
@@ -183,20 +181,20 @@ class Plan:
         except (TypeError, ValueError, OverflowError):
             wrong = ["states, inputs or program_times"]
         if wrong:
-            raise ScenarioError(
+            raise InputError(
                 f"{source}: {', '.join(wrong)} of another shape or kind; valid is a file written by this version"
             )
         return plan
 
     @classmethod
     def load(cls, path: str | Path) -> Plan:
-        """Read a plan file; raises ScenarioError where it cannot be read."""
+        """Read a plan file; raises InputError where it cannot be read."""
         source = f"plan file {str(path)!r}"
         try:
             text = Path(path).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-            raise ScenarioError(f"{source} cannot be read: {reason}; valid is a file of 'flipdiagram plan'") from None
+            raise InputError(f"{source} cannot be read: {reason}; valid is a file of 'flipdiagram plan'") from None
         return cls.from_json(text, source)
 
 

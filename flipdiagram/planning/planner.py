@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from flipdiagram.arrays import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import constraints, limits
 from flipdiagram.planning.convexification import Convexification, Outcome
@@ -15,7 +16,6 @@ from flipdiagram.planning.plan import Plan
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.theory.contact import Floats
 
 SEARCH_ANGLE_TOLERANCE = 0.01
 """θ tolerance [rad] while horizons are compared; the chosen one is then settled to the scenario's own."""

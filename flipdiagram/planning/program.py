@@ -26,11 +26,11 @@ from pydrake.solvers import (
     SolverInterface,
 )
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.arrays import Floats
+from flipdiagram.errors import InputError
 from flipdiagram.planning.horizon import STATES, Layout
 from flipdiagram.planning.model import LandingCost, flight, transition
 from flipdiagram.planning.rows import Rows
-from flipdiagram.theory.contact import Floats
 
 _SOLVERS = {
     "clarabel": ClarabelSolver,
@@ -52,11 +52,11 @@ TURNING_RADIUS = 0.05
 
 
 def make_solver(name: str) -> SolverInterface:
-    """Drake's solver of that name; raises ScenarioError where this Drake lacks it or its licence."""
+    """Drake's solver of that name; raises InputError where this Drake lacks it or its licence."""
     solver = _SOLVERS[name]()
     if not (solver.available() and solver.enabled()):
         usable = [n for n, kind in _SOLVERS.items() if kind().available() and kind().enabled()]
-        raise ScenarioError(
+        raise InputError(
             f"scenario field 'planner.solver' = {name!r} cannot be used here (not built in, or no licence);"
             f" valid is {', '.join(usable)}"
         )
@@ -137,9 +137,15 @@ class HorizonProgram:
             self.prog.AddQuadraticCost(gram * scale**2, np.zeros(n), 0.0, self._z[columns], is_convex=True)
 
     def update(
-        self, start: Floats, n_contact: int, n_flight: int, landing: tuple[Floats, float], rows: Rows,
-        near: Floats, trust: float,
-    ) -> None:  # fmt: skip
+        self,
+        start: Floats,
+        n_contact: int,
+        n_flight: int,
+        landing: tuple[Floats, float],
+        rows: Rows,
+        near: Floats,
+        trust: float,
+    ) -> None:
         """New numbers: start (6,), horizon, landing row on x̂(release) and its bound, rows, trust about `near`.
 
         Trust is the radius [rad] in which θ may move about `near` (N + 1, 3); y and z may move by `TRUST_LENGTH` times

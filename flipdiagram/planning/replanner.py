@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 
+from flipdiagram.arrays import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import limits
 from flipdiagram.planning.constraints import Trajectory
@@ -15,7 +16,6 @@ from flipdiagram.planning.finish import plan_of
 from flipdiagram.planning.plan import Plan
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.theory.contact import Floats
 
 FEWEST = 3
 """Contact samples that must be left: with fewer there is nothing to decide any more."""

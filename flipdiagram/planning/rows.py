@@ -6,17 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from flipdiagram.theory.contact import Floats
+from flipdiagram.arrays import Floats, Indices
 
 
 class Rows:
     """Collects rows Σ value·w[column] ≤ upper; each row belongs to a named group, the constraint it stands for."""
 
     def __init__(self) -> None:
-        self._rows: list[NDArray[np.int64]] = []
-        self._columns: list[NDArray[np.int64]] = []
+        self._rows: list[Indices] = []
+        self._columns: list[Indices] = []
         self._values: list[Floats] = []
         self._upper: list[Floats] = []
         self._groups: list[tuple[str, int]] = []
@@ -38,7 +38,7 @@ class Rows:
         self._groups.append((group, size))
         self.count += size
 
-    def entries(self) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats, Floats]:
+    def entries(self) -> tuple[Indices, Indices, Floats, Floats]:
         """Row, column and value of every entry of A, those of one place to be added up, and b (count,)."""
         if not self._rows:
             return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
@@ -58,12 +58,12 @@ class Rows:
 class FilledRows(Rows):
     """Rows that were written into arrays by compiled loops; they belong to no group."""
 
-    def __init__(self, rows: NDArray[np.int64], columns: NDArray[np.int64], values: Floats, upper: Floats) -> None:
+    def __init__(self, rows: Indices, columns: Indices, values: Floats, upper: Floats) -> None:
         super().__init__()
         self._entries = (rows, columns, values, upper)
         self.count = upper.size
 
-    def entries(self) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats, Floats]:
+    def entries(self) -> tuple[Indices, Indices, Floats, Floats]:
         """As `Rows.entries`."""
         return self._entries
 

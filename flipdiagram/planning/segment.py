@@ -8,13 +8,13 @@ import numpy as np
 import scipy.sparse as sp
 from pydrake.solvers import MathematicalProgram
 
+from flipdiagram.arrays import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.horizon import STATES, Layout
 from flipdiagram.planning.model import transition
 from flipdiagram.planning.program import TURNING_RADIUS, make_solver
 from flipdiagram.planning.rows import Rows
-from flipdiagram.theory.contact import Floats
 
 ITERATIONS = 12
 SETTLED = 1e-3

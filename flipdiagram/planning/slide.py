@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flipdiagram.arrays import Floats
 from flipdiagram.errors import PlanningError
-from flipdiagram.theory.contact import GRAVITY_Z, Floats
+from flipdiagram.theory.contact import GRAVITY_Z
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,13 @@ from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, InputPort, LeafSystem, OutputPort
 from pydrake.systems.primitives import Adder, Demultiplexer
 
+from flipdiagram.arrays import Floats
 from flipdiagram.blocks.friction import JointFriction, stable_transition_velocity
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.plants.push import Push
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.parts import Parts, add_parts
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.theory.contact import Floats
 
 
 @dataclass(frozen=True)
@@ -71,9 +71,14 @@ class ContactForces(LeafSystem):
         output.set_value(wrench)
 
     def _add(
-        self, wrench: Floats, by: BodyIndex | None, on: BodyIndex | None, force: Floats, at: Floats,
+        self,
+        wrench: Floats,
+        by: BodyIndex | None,
+        on: BodyIndex | None,
+        force: Floats,
+        at: Floats,
         couple: Floats | float,
-    ) -> None:  # fmt: skip
+    ) -> None:
         if (slot := self._slot.get((by, on))) is not None:
             first, sign = slot
             wrench[first : first + 3] += sign * force
@@ -85,7 +90,7 @@ class ContactForces(LeafSystem):
 def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel) -> Cell:
     """Add the cell to a diagram.  `arm` is the controller's model of the same arm, for rated torques and inertia.
 
-    Raises ScenarioError where the joint friction's transition velocity is too small for the step.
+    Raises InputError where the joint friction's transition velocity is too small for the step.
     """
     settings = scenario.simulation
     # Sampled outputs would make the plant step in an unrestricted update, which Drake runs before the discrete updates
@@ -135,7 +140,7 @@ def push_on_tool(scenario: Scenario, parts: Parts) -> Push:
 def joint_friction(scenario: Scenario, arm: ArmModel) -> LeafSystem:
     """The friction box of the scenario, its levels as fractions of each joint's rated torque.
 
-    Raises ScenarioError where the friction would chatter: it acts explicitly, so its slope at rest is limited by the
+    Raises InputError where the friction would chatter: it acts explicitly, so its slope at rest is limited by the
     joint's inertia (the diagonal of M at the arm's home pose) and the step.
     """
     level = scenario.joint_friction
@@ -143,7 +148,7 @@ def joint_friction(scenario: Scenario, arm: ArmModel) -> LeafSystem:
     needed = stable_transition_velocity(coulomb, np.diag(arm.mass_matrix(arm.home)), scenario.simulation.step)
     if np.any(needed > level.transition_velocity):
         worst = int(np.argmax(needed))
-        raise ScenarioError(
+        raise InputError(
             f"scenario field 'joint_friction.transition_velocity' = {level.transition_velocity} rad/s makes joint"
             f" {arm.joint_names[worst]} chatter at this step and level; valid is at least {needed[worst]:.4f} rad/s"
         )

@@ -17,7 +17,7 @@ from flipdiagram.blocks._parameters import (
     write_parameter,
 )
 from flipdiagram.blocks._scalars import choose, sign
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.theory.contact import GRAVITY_Z
 
 Friction = Literal["none", "signum", "stick-slip"]
@@ -120,7 +120,7 @@ def OneDofPlant_(T: Any) -> type:
         ) -> None:
             LeafSystem_[T].__init__(self, converter=converter)
             if friction not in FRICTIONS:
-                raise ScenarioError(f"friction = '{friction}'; choose from {', '.join(FRICTIONS)}")
+                raise InputError(f"friction = '{friction}'; choose from {', '.join(FRICTIONS)}")
             self.friction, (self.period, _) = friction, sampling(period, 0.0)
             self.mass = channels("mass", mass, strict=True)
             n = self.mass.size
@@ -128,7 +128,7 @@ def OneDofPlant_(T: Any) -> type:
             self.gravity = channels("gravity", gravity, n, minimum=-np.inf)
             if T is float and (self.d * self.period > LARGEST_DAMPING * self.mass).any():
                 valid = f"at most {LARGEST_DAMPING} mass/period"
-                raise ScenarioError(f"d = {self.d.tolist()} N s/m; it must be {valid}")
+                raise InputError(f"d = {self.d.tolist()} N s/m; it must be {valid}")
             tickets = set()
             self._parameters = []
             for values in (self.mass, self.f_c, self.d, self.gravity):

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.colors import to_rgb
-from numpy.typing import NDArray
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.geometry import Cylinder, Meshcat, MeshcatAnimation, MeshcatCone, MeshcatParams, Rgba, Role
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import BodyIndex
 
+from flipdiagram.arrays import Array
 from flipdiagram.errors import SimulationError
 from flipdiagram.figures.motion import NAMES, dropped_at, style_of
 from flipdiagram.files import write_atomically
@@ -29,7 +29,6 @@ from flipdiagram.rendering.scene import Scene, build_scene
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.simulation import metrics
 
-Array = NDArray[Any]
 SLOWDOWN = 4.0
 FRAME_TIME = 0.016  # [s] of playing time: 62.5 frames per second; at a quarter of the speed, each 4 ms
 LEAD_IN = 0.25  # [s] of the hold phase that is shown
@@ -52,14 +51,12 @@ def write_replay(
 
     verdicts: (success, text) by architecture, where it is not the flip that is judged.
 
-    Raises ScenarioError where the file cannot be written, SimulationError where Meshcat finds no free port.
+    Raises InputError where the file cannot be written, SimulationError where Meshcat finds no free port.
     """
     return write_atomically(path, replay_html(recordings, scenario, verdicts))
 
 
-def replay_html(
-    recordings: Mapping[str, xr.Dataset], scenario: Scenario, verdicts: Verdicts | None = None
-) -> str:
+def replay_html(recordings: Mapping[str, xr.Dataset], scenario: Scenario, verdicts: Verdicts | None = None) -> str:
     """The replay as the text of one HTML page."""
     for name in recordings:
         style_of(name)
@@ -178,17 +175,13 @@ def _add_paths(meshcat: Meshcat, scenario: Scenario, root: str, name: str, recor
         meshcat.SetLine(f"{root}/path_{label}", vertices, width, colour)
 
 
-def _animate_force(
-    meshcat: Meshcat, animation: MeshcatAnimation, root: str, frames: xr.Dataset, last: int
-) -> None:
+def _animate_force(meshcat: Meshcat, animation: MeshcatAnimation, root: str, frames: xr.Dataset, last: int) -> None:
     """An arrow at the block: the force of the blade on it [N], in world axes."""
     path, colour = f"{root}/force", Rgba(0.8, 0.47, 0.65, 1.0)
     meshcat.SetObject(f"{path}/shaft/rod", Cylinder(0.003, 1.0), colour)
     meshcat.SetTransform(f"{path}/shaft/rod", _shift(0.0, 0.0, 0.5))
     meshcat.SetObject(f"{path}/head/cone", MeshcatCone(0.02, 0.008, 0.008), colour)
-    meshcat.SetTransform(
-        f"{path}/head/cone", RigidTransform(RotationMatrix.MakeXRotation(np.pi), _vector(0, 0, 0.02))
-    )
+    meshcat.SetTransform(f"{path}/head/cone", RigidTransform(RotationMatrix.MakeXRotation(np.pi), _vector(0, 0, 0.02)))
     force = frames["contact_force"].sel(pair="blade-block").values
     points = frames["block_pose"].values[:, 4:]
     length = np.clip(np.linalg.norm(force, axis=1) * METRES_PER_NEWTON, 0.0, 0.4)
@@ -205,12 +198,7 @@ def _animate_force(
 
 
 def _with_overlay(html: str, cells: list[dict[str, Any]], scenario: Scenario) -> str:
-    data = {
-        "slowdown": SLOWDOWN,
-        "cells": cells,
-        "width": SPACING * max(1, len(cells)),
-        "scale": METRES_PER_NEWTON,
-    }
+    data = {"slowdown": SLOWDOWN, "cells": cells, "width": SPACING * max(1, len(cells)), "scale": METRES_PER_NEWTON}
     overlay = (Path(__file__).parent / "replay_overlay.html").read_text(encoding="utf-8")
     # "<" cannot end the script element then, whatever a name holds
     overlay = overlay.replace("/*DATA*/null", json.dumps(data, ensure_ascii=False).replace("<", "\\u003c"))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.geometry import Box, SceneGraph
 from pydrake.math import RigidTransform
@@ -21,7 +21,6 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from flipdiagram.robot.parts import Parts, add_parts
 from flipdiagram.scenario.scenario import Scenario
 
-Array = NDArray[Any]
 TOP_COLOUR = np.array([1.0, 0.87, 0.55, 1.0])
 
 
@@ -52,7 +51,7 @@ def transform(pose: ArrayLike) -> RigidTransform:
 
 
 def build_scene(scenario: Scenario) -> Scene:
-    """The cell of a scenario only to look at; raises ScenarioError for sizes that are not valid."""
+    """The cell of a scenario only to look at; raises InputError for sizes that are not valid."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.001)
     parts = add_parts(plant, scenario)

@@ -11,22 +11,19 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
-from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 from scipy.spatial import ConvexHull
 
+from flipdiagram.arrays import Array
 from flipdiagram.rendering.scene import TOP_COLOUR, build_scene, transform
 from flipdiagram.scenario.scenario import Scenario
 
-Array = NDArray[Any]
 Projection = Callable[[Array], Array]
 CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))
 BACKGROUND, TABLE, ARM, BLADE, RUBBER = "#d6e0eb", "#a9a08c", "#5b6b7d", "#39424e", "#de5c38"
 
 
-def draw_cell(
-    scenario: Scenario, project: Projection, size: int, q: Array, tool: Array, block: Array
-) -> Array:
+def draw_cell(scenario: Scenario, project: Projection, size: int, q: Array, tool: Array, block: Array) -> Array:
     """Pictures (n, size, size, 3) of uint8 of n instants: joints q (n, 6), poses of tool and block (n, 7).
 
     project takes points (..., 3) of the world to pixels (..., 2): column, row.
@@ -45,12 +42,7 @@ def draw_cell(
 
 
 def _draw(
-    scenario: Scenario,
-    project: Projection,
-    pixels: int,
-    joints: Array,
-    X_WT: RigidTransform,
-    X_WB: RigidTransform,
+    scenario: Scenario, project: Projection, pixels: int, joints: Array, X_WT: RigidTransform, X_WB: RigidTransform
 ) -> Array:
     dpi = 100
     figure = Figure(figsize=(pixels / dpi, pixels / dpi), dpi=dpi, facecolor=BACKGROUND)

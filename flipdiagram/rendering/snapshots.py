@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydrake.geometry import (
     ClippingRange,
     ColorRenderCamera,
@@ -30,13 +30,13 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context
 from pydrake.systems.sensors import CameraInfo
 
+from flipdiagram.arrays import Array
 from flipdiagram.rendering.scene import Scene, build_scene
 from flipdiagram.scenario.scenario import Scenario
 
 if TYPE_CHECKING:  # the child needs none of it
     import xarray as xr
 
-Array = NDArray[Any]
 RENDERER = "vtk"
 BACKGROUND = (0.84, 0.88, 0.92)
 LIGHT_FROM: Any = np.array([1.1, -0.5, 2.0])  # [m]
@@ -113,9 +113,7 @@ def take_snapshots(
     """
     wanted = snapshot_times(recording) if times is None else np.asarray(times, dtype=float)
     moments = recording.sel(time=wanted, method="nearest")
-    q, block, tool = (
-        np.asarray(moments[name].values, dtype=float) for name in ("q", "block_pose", "tool_pose")
-    )
+    q, block, tool = (np.asarray(moments[name].values, dtype=float) for name in ("q", "block_pose", "tool_pose"))
     camera = frame_motion(tool, block, scenario, size)
     images, trouble = render_in_child(scenario, camera, q, block, python)
     if images is not None:
@@ -171,16 +169,18 @@ def render_in_child(
     with tempfile.TemporaryDirectory() as folder:
         task, result = Path(folder) / "task.npz", Path(folder) / "images.npy"
         np.savez(
-            task, q=q, block=block, X_WC=camera.X_WC.GetAsMatrix4(), size=camera.size, fov_y=camera.fov_y,
+            task,
+            q=q,
+            block=block,
+            X_WC=camera.X_WC.GetAsMatrix4(),
+            size=camera.size,
+            fov_y=camera.fov_y,
             scenario=np.array(scenario.model_dump_json()),
-        )  # fmt: skip
+        )
         code = f"from flipdiagram.rendering.snapshots import _child; _child({str(task)!r}, {str(result)!r})"
         try:
             done = subprocess.run(
-                [*python, "-c", code],
-                env={**os.environ, "PYTHONPATH": path},
-                capture_output=True,
-                timeout=TIME_LIMIT,
+                [*python, "-c", code], env={**os.environ, "PYTHONPATH": path}, capture_output=True, timeout=TIME_LIMIT
             )
             if done.returncode == 0:
                 return np.load(result), ""

@@ -20,18 +20,29 @@ def all_claims(frequency: Summary, experiment: Summary) -> list[dict[str, Any]]:
         claim = Claim(entry["id"], entry["holds"], entry["measured"])
         found.append(
             {
-                "id": claim.id, "place": f"Fig. {FIGURES[claim.id]}", "claim": TEXTS[claim.id], "holds": claim.holds,
-                "measured": numbers(claim), "paper": "figure, no number", "remark": "", "command": FREQUENCY,
+                "id": claim.id,
+                "place": f"Fig. {FIGURES[claim.id]}",
+                "claim": TEXTS[claim.id],
+                "holds": claim.holds,
+                "measured": numbers(claim),
+                "paper": "figure, no number",
+                "remark": "",
+                "command": FREQUENCY,
             }
-        )  # fmt: skip
+        )
     for entry in experiment["claims"]:
         found.append(
             {
-                "id": entry["id"], "place": "section IV", "claim": entry["text"], "holds": entry["holds"],
-                "measured": entry["measured"], "paper": entry["paper"], "remark": entry["difference"],
+                "id": entry["id"],
+                "place": "section IV",
+                "claim": entry["text"],
+                "holds": entry["holds"],
+                "measured": entry["measured"],
+                "paper": entry["paper"],
+                "remark": entry["difference"],
                 "command": EXPERIMENT,
             }
-        )  # fmt: skip
+        )
     return found
 
 

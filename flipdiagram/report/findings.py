@@ -30,9 +30,14 @@ def border_sentences(drawn: Summary) -> list[str]:
 def kind_of(failure: str) -> str:
     """The kind of a failure text: 'blade hit the table', 'dropped', 'landed wrong', 'no plan', 'diverged', …"""
     for start, kind in (
-        ("blade hit the table", "blade hit the table"), ("dropped", "dropped"), ("landed", "landed at a wrong angle"),
-        ("never", "never landed"), ("no plan", "no plan"), ("diverged", "diverged"), ("refused", "refused"),
-    ):  # fmt: skip
+        ("blade hit the table", "blade hit the table"),
+        ("dropped", "dropped"),
+        ("landed", "landed at a wrong angle"),
+        ("never", "never landed"),
+        ("no plan", "no plan"),
+        ("diverged", "diverged"),
+        ("refused", "refused"),
+    ):
         if failure.startswith(start):
             return kind
     return "other"

@@ -47,7 +47,7 @@ def write_report(
 ) -> Report:
     """Run what is missing of the studies below `out`, draw their figures, and write summary.json and both pages.
 
-    Raises ScenarioError for bad settings and SimulationError for an unstable 1-DOF loop.
+    Raises InputError for bad settings and SimulationError for an unstable 1-DOF loop.
     """
     folder = Path(out)
     studies = {

@@ -7,7 +7,7 @@
     recording.flip.to_csv("flip.csv")                      # or to_parquet, to_frame
     compare("out/turnover/pd+dob.nc", recording)           # shows itself in a notebook
 
-A bad input ends in a one-line ScenarioError.
+A bad input ends in a one-line InputError.
 """
 
 from flipdiagram.results.accessor import FlipAccessor

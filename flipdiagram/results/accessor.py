@@ -10,7 +10,7 @@ import pandas as pd  # type: ignore[import-untyped]  # pandas-stubs may be missi
 import xarray as xr
 from matplotlib.axes import Axes
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.results import frame, plots
 from flipdiagram.results.signals import check_recording
 from flipdiagram.scenario import scenario
@@ -21,23 +21,19 @@ from flipdiagram.simulation.metrics import FlipMetrics
 
 @xr.register_dataset_accessor("flip")
 class FlipAccessor:
-    """What one can do with a recording; every method raises ScenarioError where the Dataset is none."""
+    """What one can do with a recording; every method raises InputError where the Dataset is none."""
 
     def __init__(self, data: xr.Dataset) -> None:
         self._data = data
 
     def plot(
-        self,
-        signal: str = "x",
-        ax: Axes | Sequence[Axes] | None = None,
-        *,
-        window: tuple[float, float] | None = None,
+        self, signal: str = "x", ax: Axes | Sequence[Axes] | None = None, *, window: tuple[float, float] | None = None
     ) -> Axes | Sequence[Axes]:
         """A signal over time, its command (`<signal>_cmd`) beside it where there is one, a panel a component.
 
         signal: 'x', 'tau', 'sliding_angle', …, or one component, 'x_y', 'tau_S'.  ax: the panels to draw into, else
         a new Figure.  window: from and until [s], by default the motion.  Release and touch-down are marked.
-        Returns the Axes, a list where there are several.  ScenarioError for an unknown signal or too few axes.
+        Returns the Axes, a list where there are several.  InputError for an unknown signal or too few axes.
         """
         return plots.plot_signal(check_recording(self._data), signal, ax, window)
 
@@ -55,10 +51,10 @@ class FlipAccessor:
 
     @property
     def scenario(self) -> Scenario:
-        """The scenario that was simulated; ScenarioError where the Dataset keeps none or another version's."""
+        """The scenario that was simulated; InputError where the Dataset keeps none or another version's."""
         text = self._data.attrs.get("scenario")
         if not text:
-            raise ScenarioError("this Dataset keeps no scenario; valid is a recording with attribute 'scenario'")
+            raise InputError("this Dataset keeps no scenario; valid is a recording with attribute 'scenario'")
         return scenario.from_yaml(str(text), "scenario of the recording")
 
     def to_frame(self) -> pd.DataFrame:
@@ -66,12 +62,12 @@ class FlipAccessor:
         return frame.to_frame(check_recording(self._data))
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write CSV with a header 'time [s],x_y [m],…'; returns the path.  ScenarioError where it cannot write."""
+        """Write CSV with a header 'time [s],x_y [m],…'; returns the path.  InputError where it cannot write."""
         return frame.to_csv(check_recording(self._data), path)
 
     def to_parquet(self, path: str | os.PathLike[str]) -> Path:
         """Write Parquet that `pandas.read_parquet` reads back with units; returns the path.
 
-        ScenarioError where it cannot write, and where pyarrow is missing: pip install 'flipdiagram[parquet]'.
+        InputError where it cannot write, and where pyarrow is missing: pip install 'flipdiagram[parquet]'.
         """
         return frame.to_parquet(check_recording(self._data), path)

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.figures.motion import NAMES, STYLES
 from flipdiagram.grid import BAD, GOOD, Grid
 from flipdiagram.planning.plan import Plan
@@ -27,14 +27,7 @@ from flipdiagram.results.differences import (
     signal_difference,
 )
 from flipdiagram.results.opening import Source, read
-from flipdiagram.results.signals import (
-    check_recording,
-    components,
-    field_unit,
-    flat,
-    number,
-    scenario_fields,
-)
+from flipdiagram.results.signals import check_recording, components, field_unit, flat, number, scenario_fields
 from flipdiagram.simulation.metrics import measure
 
 SECOND = "#CC79A7"
@@ -100,9 +93,11 @@ class Comparison:
         title = f"Signals that differ ({len(differing)} components)"
         grids = [Grid(headings, signals, title, headings[3:])]
         for title, rows in (
-            ("Metrics", self.metrics), ("Scenario fields that differ", self.scenario),
-            ("Verdicts that differ", self.verdicts), ("Numbers that differ", self.numbers),
-        ):  # fmt: skip
+            ("Metrics", self.metrics),
+            ("Scenario fields that differ", self.scenario),
+            ("Verdicts that differ", self.verdicts),
+            ("Numbers that differ", self.numbers),
+        ):
             cells = [[f"`{row.name}`", row.unit, number(row.a), number(row.b), row.difference] for row in rows]
             grids.append(Grid(["", "unit", a, b, "difference"], cells[:MOST], _title(title, len(cells))))
         return [grid for grid in grids if grid.rows]
@@ -112,16 +107,16 @@ class Comparison:
     ) -> Axes | Sequence[Axes]:
         """A signal of both recordings over time, a panel a component; or, where asked, the difference b − a.
 
-        Returns the Axes, a list where there are several.  ScenarioError for anything but two recordings, and for a
+        Returns the Axes, a list where there are several.  InputError for anything but two recordings, and for a
         signal that one of them does not have.
         """
         if self.recordings is None:
-            raise ScenarioError(f"two results of kind '{self.kind}' have no signals; valid are recordings")
+            raise InputError(f"two results of kind '{self.kind}' have no signals; valid are recordings")
         one, other = self.recordings
         parts = components(one, signal)
         theirs = [part.name for part in components(other, signal)]
         if [part.name for part in parts] != theirs:
-            raise ScenarioError(
+            raise InputError(
                 f"'{signal}' is {', '.join(p.name for p in parts)} and {', '.join(theirs)}; valid is equal"
             )
         panels, own = plots.panels_for(parts, ax)
@@ -162,15 +157,15 @@ def compare(a: Comparable, b: Comparable) -> Comparison:
 
     Recordings: same times or not, largest and RMS difference of every signal on the times that both have, metrics
     of both, scenario fields that differ.  Summaries and plans: verdicts and numbers that differ, but for how long
-    things took.  Raises ScenarioError as `open_result`, and where the two are not of one kind.
+    things took.  Raises InputError as `open_result`, and where the two are not of one kind.
     """
     (one, first), (other, second) = _source(a, "a"), _source(b, "b")
     if one.kind != other.kind:
-        raise ScenarioError(f"cannot compare a result of kind '{one.kind}' with '{other.kind}'; valid are two of one")
+        raise InputError(f"cannot compare a result of kind '{one.kind}' with '{other.kind}'; valid are two of one")
     names = (first, second)
     if one.data is not None and other.data is not None:
         if one.kind != "recording":
-            raise ScenarioError(f"cannot compare {one.kind}; valid are recordings, plans, and summary.json of a study")
+            raise InputError(f"cannot compare {one.kind}; valid are recordings, plans, and summary.json of a study")
         return _recordings(one.data, other.data, names)
     contents = [
         source.plan.summary() if source.plan is not None else dict(source.summary or {}) for source in (one, other)
@@ -243,14 +238,14 @@ def _fields(a: dict[str, Any], b: dict[str, Any]) -> tuple[Change, ...]:
 def _source(value: Comparable, name: str) -> tuple[Source, str]:
     if isinstance(value, xr.Dataset):
         if "time" not in value.sizes:
-            raise ScenarioError(f"{name} is no recording; valid are recordings, and the path of a summary.json")
+            raise InputError(f"{name} is no recording; valid are recordings, and the path of a summary.json")
         check_recording(value)
         return Source(Path(), "recording", "recording", data=value), str(value.attrs["architecture"])
     if isinstance(value, Plan):
         return Source(Path(), "motion", "", plan=value), name
     if not isinstance(value, str | os.PathLike):
         kind = type(value).__name__
-        raise ScenarioError(f"{name} is a {kind}; valid are recordings, plans, and the path of a summary.json")
+        raise InputError(f"{name} is a {kind}; valid are recordings, plans, and the path of a summary.json")
     source = read(value)
     return source, source.path.stem if source.data is not None else str(value)
 

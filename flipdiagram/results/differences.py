@@ -14,14 +14,32 @@ import xarray as xr
 from flipdiagram.results.signals import Component, number, unit_of
 
 SKIPPED = {
-    "schema", "versions", "scenario", "code", "recording", "real_time_factor", "solve_time_s", "seconds",
-    "channel_steps_per_s", "program_times", "stored",
-}  # fmt: skip
+    "schema",
+    "versions",
+    "scenario",
+    "code",
+    "recording",
+    "real_time_factor",
+    "solve_time_s",
+    "seconds",
+    "channel_steps_per_s",
+    "program_times",
+    "stored",
+}
 """Entries that say how, where and how fast something ran, not what came out."""
 KEYS = (
-    "id", "figure", "group", "name", "variant", "architecture", "start_y_m", "g_dis_rad_s", "friction", "omega_rad_s",
+    "id",
+    "figure",
+    "group",
+    "name",
+    "variant",
+    "architecture",
+    "start_y_m",
+    "g_dis_rad_s",
+    "friction",
+    "omega_rad_s",
     "kind",
-)  # fmt: skip
+)
 """What tells the entries of a list apart."""
 
 FEW = 8

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd  # type: ignore[import-untyped]  # pandas-stubs may be missing
 import xarray as xr
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.files import atomic_path
 from flipdiagram.results.signals import components
 
@@ -34,7 +34,7 @@ def to_frame(data: xr.Dataset) -> pd.DataFrame:
 def to_csv(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     """Write CSV, whole or not at all: a header 'time [s],x_y [m],…', then a row a sample; nan is an empty cell.
 
-    Numbers have as many digits as it takes to read them back exactly.  ScenarioError where it cannot write.
+    Numbers have as many digits as it takes to read them back exactly.  InputError where it cannot write.
     """
     frame = to_frame(data)
     units = frame.attrs["units"]
@@ -47,14 +47,14 @@ def to_csv(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
 def to_parquet(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     """Write Parquet, whole or not at all; `pandas.read_parquet` gives `to_frame` back, units included.
 
-    Each column's field metadata has its 'units' too, for readers other than pandas.  ScenarioError where it cannot
+    Each column's field metadata has its 'units' too, for readers other than pandas.  InputError where it cannot
     write, or where pyarrow is not installed.
     """
     try:
         import pyarrow as pa  # type: ignore[import-untyped]  # has no type information
         from pyarrow import parquet
     except ImportError:
-        raise ScenarioError(f"Parquet needs pyarrow, which is not installed; install it with: {PARQUET}") from None
+        raise InputError(f"Parquet needs pyarrow, which is not installed; install it with: {PARQUET}") from None
     frame = to_frame(data)
     units = frame.attrs["units"]
     table = pa.Table.from_pandas(frame).select(["time", *frame.columns])  # else the index comes last

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.grid import Grid
 from flipdiagram.planning.plan import Plan
 from flipdiagram.results.opening import AnyPath, Source, open_result, read
@@ -22,7 +22,7 @@ Rows = list[tuple[str, str]]
 def info(path: AnyPath) -> Grid:
     """What a file or folder holds: kind, versions, verdicts, signals or claims, and changed scenario fields.
 
-    Reads every file that `open_result` reads; raises ScenarioError as it does, and for a replay.html.
+    Reads every file that `open_result` reads; raises InputError as it does, and for a replay.html.
     """
     source = read(path)
     rows: Rows = [("file", str(source.path)), ("kind", source.kind)]
@@ -47,15 +47,23 @@ def _recording(data: xr.Dataset) -> Rows:
         ("architecture", str(data.attrs["architecture"])),
         ("block", "turned over" if found.success else f"not turned over: {found.failure}"),
         ("start", f"y = {found.start_y_m:g} m"),
-        ("duration", f"{time[-1] - time[0]:.4g} s, {time[0]:.4g} to {time[-1]:.4g} s, motion 0 to "
-                     f"{float(data.attrs['end_time_s']):.4g} s"),
+        (
+            "duration",
+            f"{time[-1] - time[0]:.4g} s, {time[0]:.4g} to {time[-1]:.4g} s, motion 0 to "
+            f"{float(data.attrs['end_time_s']):.4g} s",
+        ),
         ("sampling", f"{len(time)} samples, every {1e3 * (time[1] - time[0]):.4g} ms"),
-        ("release", f"{found.release_time_s:.3f} s at θ = {found.release_angle_rad:.2f} rad, planned "
-                    f"{float(data.attrs['release_time_s']):.3f} s"),
-        ("touch-down", f"{landed.time_s:.3f} s at y = {landed.y_m:.4f} m, θ = {landed.theta_rad:.2f} rad" if landed
-                       else "none"),
+        (
+            "release",
+            f"{found.release_time_s:.3f} s at θ = {found.release_angle_rad:.2f} rad, planned "
+            f"{float(data.attrs['release_time_s']):.3f} s",
+        ),
+        (
+            "touch-down",
+            f"{landed.time_s:.3f} s at y = {landed.y_m:.4f} m, θ = {landed.theta_rad:.2f} rad" if landed else "none",
+        ),
         ("position RMSE", f"{100 * found.position_rmse_m:.3g} cm"),
-    ]  # fmt: skip
+    ]
     fields = scenario_fields(data)
     rows += _changed(fields) if fields is not None else [("scenario", "not kept in this file")]
     return rows + _variables(data)
@@ -99,7 +107,7 @@ def _summary(source: Source) -> Rows:
     try:
         rows += [row for name, read_rows in ROWS.items() if content.get(name) for row in read_rows(content[name])]
     except (KeyError, TypeError, AttributeError) as error:
-        raise ScenarioError(f"'{source.path}' is damaged: {error}; valid is a file that flipdiagram wrote") from error
+        raise InputError(f"'{source.path}' is damaged: {error}; valid is a file that flipdiagram wrote") from error
     return rows + (_changed(flat(fields)) if isinstance(fields, Mapping) else [])
 
 
@@ -158,9 +166,14 @@ def _planned(plan: Mapping[str, Any]) -> Rows:
 
 
 ROWS: Mapping[str, Any] = {
-    "plan": _planned, "runs": _runs, "claims": _claims, "second_engine": _engines, "maps": _maps,
-    "variations": _variations, "curves": _curves,
-}  # fmt: skip
+    "plan": _planned,
+    "runs": _runs,
+    "claims": _claims,
+    "second_engine": _engines,
+    "maps": _maps,
+    "variations": _variations,
+    "curves": _curves,
+}
 """Rows of an entry of summary.json."""
 
 

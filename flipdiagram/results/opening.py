@@ -13,7 +13,7 @@ from typing import Any
 
 import xarray as xr
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.planning.plan import SCHEMA as PLAN_SCHEMA
 from flipdiagram.planning.plan import Plan
 from flipdiagram.results import summaries
@@ -50,7 +50,7 @@ def open_result(path: AnyPath) -> Result:
     '5' … '10', over (curve, omega); beside these 'variations' and 'claims'.  Units stand in attrs["units"].
     A folder: its summary.json, else plan.json, frequency.nc, or its only recording.
 
-    Raises ScenarioError for a missing or damaged file, an unknown schema, and a schema newer than this version.
+    Raises InputError for a missing or damaged file, an unknown schema, and a schema newer than this version.
     """
     source = read(path)
     if source.data is not None:
@@ -67,34 +67,34 @@ def open_result(path: AnyPath) -> Result:
 
 
 def read(path: AnyPath) -> Source:
-    """A file or folder of results, read and known by its kind; ScenarioError as `open_result`."""
+    """A file or folder of results, read and known by its kind; InputError as `open_result`."""
     file = locate(path)
     if file.suffix == ".html":
-        raise ScenarioError(f"'{file}' is a page for a browser and is not supported here; {VALID}")
+        raise InputError(f"'{file}' is a page for a browser and is not supported here; {VALID}")
     if file.suffix == ".nc":
         return _read_dataset(file)
     if file.suffix != ".json":
-        raise ScenarioError(f"'{file}' is no file of results; {VALID}")
+        raise InputError(f"'{file}' is no file of results; {VALID}")
     return _read_json(file)
 
 
 def locate(path: AnyPath) -> Path:
-    """The file that stands for a path; ScenarioError where there is none."""
+    """The file that stands for a path; InputError where there is none."""
     found = Path(path)
     try:
         if not found.exists():
-            raise ScenarioError(f"'{found}' does not exist; {VALID}")
+            raise InputError(f"'{found}' does not exist; {VALID}")
         if not found.is_dir():
             return found
         held = [found / name for name in IN_FOLDER if (found / name).is_file()] or sorted(found.glob("*.nc"))
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
         reason = getattr(error, "strerror", None) or error
-        raise ScenarioError(f"{str(found)!r} cannot be read: {reason}; {VALID}") from None
+        raise InputError(f"{str(found)!r} cannot be read: {reason}; {VALID}") from None
     if not held:
-        raise ScenarioError(f"folder '{found}' holds no results; {VALID}")
+        raise InputError(f"folder '{found}' holds no results; {VALID}")
     if held[0].name not in IN_FOLDER and len(held) > 1:
         names = ", ".join(file.name for file in held)
-        raise ScenarioError(f"folder '{found}' holds several recordings, {names}; name one of them")
+        raise InputError(f"folder '{found}' holds several recordings, {names}; name one of them")
     return held[0]
 
 
@@ -103,7 +103,7 @@ def _read_json(file: Path) -> Source:
         text = file.read_text(encoding="utf-8")
         content = json.loads(text)
     except OSError as error:
-        raise ScenarioError(f"'{file}' cannot be read: {error.strerror}; {VALID}") from None
+        raise InputError(f"'{file}' cannot be read: {error.strerror}; {VALID}") from None
     except (ValueError, RecursionError) as error:  # not UTF-8 is a ValueError too
         raise _damaged(file, f"not valid JSON: {error}") from None
     schema = content.get("schema") if isinstance(content, dict) else None
@@ -111,10 +111,10 @@ def _read_json(file: Path) -> Source:
     known = (*STUDIES, PLAN_SCHEMA.split("/")[1])
     if match is None or match[1] not in known:
         names = ", ".join(f"flipdiagram/{name}/{VERSION}" for name in known)
-        raise ScenarioError(f"'{file}' has schema {json.dumps(schema)[:60]}; valid are {names}")
+        raise InputError(f"'{file}' has schema {json.dumps(schema)[:60]}; valid are {names}")
     if int(match[2]) != VERSION:
         age = "newer" if int(match[2]) > VERSION else "older"
-        raise ScenarioError(
+        raise InputError(
             f"'{file}' has schema '{schema}', {age} than this flipdiagram reads; valid is version {VERSION}"
         )
     if schema == PLAN_SCHEMA:
@@ -138,11 +138,11 @@ def _read_dataset(file: Path) -> Source:
     if "linear_peak_x" in data and "omega" in data.coords:
         return Source(file, "frequency data", "frequency data", data=data)
     names = ", ".join(str(name) for name in list(data.data_vars)[:6]) or "nothing"
-    raise ScenarioError(f"'{file}' holds {names}: neither a recording nor frequency data; {VALID}")
+    raise InputError(f"'{file}' holds {names}: neither a recording nor frequency data; {VALID}")
 
 
-def _damaged(file: Path, reason: object) -> ScenarioError:
+def _damaged(file: Path, reason: object) -> InputError:
     if isinstance(reason, KeyError):
         reason = f"it lacks {reason}"
     text = " ".join(str(reason).split())[:160]
-    return ScenarioError(f"'{file}' is damaged: {text}; valid is a file that flipdiagram wrote")
+    return InputError(f"'{file}' is damaged: {text}; valid is a file that flipdiagram wrote")

@@ -9,7 +9,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.figures.motion import GUIDE, LABELS, MARK, NAMES, STYLES, Style, dropped_at, new_axes
 from flipdiagram.results.signals import Component, components, pretty, scenario_fields
 from flipdiagram.simulation import metrics
@@ -21,12 +21,22 @@ FLIGHT = "#CC79A7"
 BEFORE, AFTER = 0.05, 0.15
 """Seconds shown before the motion and after its end."""
 SYMBOLS = {
-    "q": r"$q_\mathrm{{{0}}}$", "qd": r"$\dot q_\mathrm{{{0}}}$", "tau": r"$τ_\mathrm{{{0}}}$",
-    "tau_dis": r"$τ_\mathrm{{dis,{0}}}$", "power": "power {0}", "energy": "work {0}",
-    "tool_pose": "tool {0}", "block_pose": "block {0}", "sliding_angle": "sliding angle φ",
-    "cone_use": "friction cone used", "centre_of_pressure": "centre of pressure", "normal_force": "normal force",
-    "slip": "slip", "lift_off": "lift-off", "contact_force": "{0}",
-}  # fmt: skip
+    "q": r"$q_\mathrm{{{0}}}$",
+    "qd": r"$\dot q_\mathrm{{{0}}}$",
+    "tau": r"$τ_\mathrm{{{0}}}$",
+    "tau_dis": r"$τ_\mathrm{{dis,{0}}}$",
+    "power": "power {0}",
+    "energy": "work {0}",
+    "tool_pose": "tool {0}",
+    "block_pose": "block {0}",
+    "sliding_angle": "sliding angle φ",
+    "cone_use": "friction cone used",
+    "centre_of_pressure": "centre of pressure",
+    "normal_force": "normal force",
+    "slip": "slip",
+    "lift_off": "lift-off",
+    "contact_force": "{0}",
+}
 BLOW = 4.0
 """Multiple of the largest planned normal force from which the realised one is a blow."""
 MARGINS = (("cone_use", 1.0, "1"), ("centre_of_pressure", 1e3, "mm"), ("normal_force", 1.0, "N"), ("slip", 1e3, "mm"))
@@ -91,7 +101,7 @@ def plot_path(data: xr.Dataset, ax: Axes | None) -> Axes:
     panel, name, style = panels[0], data.attrs["architecture"], style_for(data)
     moving = data.sel(time=slice(0.0, data.attrs["end_time_s"]))
     if not moving.sizes["time"]:
-        raise ScenarioError(f"the recording has no sample between 0 and {data.attrs['end_time_s']} s, the motion")
+        raise InputError(f"the recording has no sample between 0 and {data.attrs['end_time_s']} s, the motion")
     command, response = moving["x_cmd"].values, moving["x"].values
     panel.plot(command[:, 0], command[:, 1], label="command", **STYLES["command"].line())
     panel.plot(response[:, 0], response[:, 1], label=NAMES.get(name, name), **style.line())
@@ -118,7 +128,7 @@ def plot_margins(data: xr.Dataset, axes: Sequence[Axes] | None) -> Sequence[Axes
     """See `FlipAccessor.margins`."""
     missing = [name for name, _, _ in MARGINS if name not in data]
     if missing:
-        raise ScenarioError(f"the recording lacks {', '.join(missing)}; valid is a recording of this version")
+        raise InputError(f"the recording lacks {', '.join(missing)}; valid is a recording of this version")
     panels, own = (
         (list(np.ravel(np.array(axes, dtype=object))), False)
         if axes is not None
@@ -171,7 +181,7 @@ def view(data: xr.Dataset, window: tuple[float, float] | None) -> xr.Dataset:
     shown = data.sel(time=slice(*window))
     if not shown.sizes["time"]:
         first, last = data["time"].values[[0, -1]]
-        raise ScenarioError(f"window = {window} holds no sample; valid is a part of {first:g} to {last:g} s")
+        raise InputError(f"window = {window} holds no sample; valid is a part of {first:g} to {last:g} s")
     return shown
 
 
@@ -195,9 +205,9 @@ def panels_for(parts: Sequence[Component], ax: Axes | Sequence[Axes] | None) -> 
 
 
 def check_count(panels: Sequence[Axes], count: int) -> None:
-    """ScenarioError unless there is one of the axes for each of the panels."""
+    """InputError unless there is one of the axes for each of the panels."""
     if len(panels) != count:
-        raise ScenarioError(f"{len(panels)} axes given; valid are {count}, one a panel")
+        raise InputError(f"{len(panels)} axes given; valid are {count}, one a panel")
 
 
 def mark_events(panels: Sequence[Axes], data: xr.Dataset) -> None:

@@ -13,18 +13,27 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.arrays import Floats
+from flipdiagram.errors import InputError
 from flipdiagram.scenario import text as scenario_io
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.theory.contact import Floats
 
 NEEDED = ("x", "x_cmd", "v", "v_cmd", "a", "a_cmd", "q", "qd", "tau", "block_pose", "tool_pose", "contact_force")
 """What every recording holds; see `flipdiagram.simulation.recording`."""
 ATTRIBUTES = ("architecture", "release_time_s", "end_time_s")
 UNITS = {
-    "_m_s2": "m/s2", "_rad_s2": "rad/s2", "_m_s": "m/s", "_rad_s": "rad/s", "_Nm": "N m", "_rad": "rad", "_m": "m",
-    "_s": "s", "_J": "J", "_N": "N", "_kg": "kg",
-}  # fmt: skip
+    "_m_s2": "m/s2",
+    "_rad_s2": "rad/s2",
+    "_m_s": "m/s",
+    "_rad_s": "rad/s",
+    "_Nm": "N m",
+    "_rad": "rad",
+    "_m": "m",
+    "_s": "s",
+    "_J": "J",
+    "_N": "N",
+    "_kg": "kg",
+}
 """Unit by the end of a name in summary.json, longest first."""
 
 
@@ -46,19 +55,19 @@ class Component:
 
 
 def check_recording(data: xr.Dataset) -> xr.Dataset:
-    """The Dataset, if it is a recording with at least one sample; else ScenarioError that names what is missing."""
+    """The Dataset, if it is a recording with at least one sample; else InputError that names what is missing."""
     missing = [f"signal '{name}'" for name in NEEDED if name not in data.data_vars]
     missing += [f"attribute '{name}'" for name in ATTRIBUTES if name not in data.attrs]
     if data.sizes.get("time", 0) < 2:
         missing.append("two samples on 'time'")
     if missing:
         what = ", ".join(missing[:3]) + (", …" if len(missing) > 3 else "")
-        raise ScenarioError(f"this Dataset is no recording: it lacks {what}; valid is what `flipdiagram flip` records")
+        raise InputError(f"this Dataset is no recording: it lacks {what}; valid is what `flipdiagram flip` records")
     return data
 
 
 def components(data: xr.Dataset, signal: str | None = None) -> list[Component]:
-    """The components of one signal, or of all that depend on time; ScenarioError for an unknown signal.
+    """The components of one signal, or of all that depend on time; InputError for an unknown signal.
 
     `signal` may be a flat name ('tau_S'), which gives that component alone.
     """
@@ -74,7 +83,7 @@ def components(data: xr.Dataset, signal: str | None = None) -> list[Component]:
         meant = f"did you mean '{near[0]}'? " if near else ""
         parts = [part.name for part in everything if part.signal != part.name]
         example = f", or one component such as '{parts[0]}'" if parts else ""
-        raise ScenarioError(f"unknown signal '{signal}'; {meant}valid are {', '.join(names)}{example}")
+        raise InputError(f"unknown signal '{signal}'; {meant}valid are {', '.join(names)}{example}")
     return chosen
 
 
@@ -109,7 +118,7 @@ def flat(nested: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def scenario_fields(data: xr.Dataset) -> dict[str, Any] | None:
-    """Scenario fields of a recording by path; None where it keeps none.  ScenarioError where they are no YAML."""
+    """Scenario fields of a recording by path; None where it keeps none.  InputError where they are no YAML."""
     text = data.attrs.get("scenario")
     return flat(scenario_io.parse_mapping(str(text), "scenario of the recording")) if text else None
 

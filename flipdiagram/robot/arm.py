@@ -15,19 +15,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import (
-    JacobianWrtVariable,
-    MultibodyForces_,
-    SpatialInertia,
-    UnitInertia,
-)
+from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces_, SpatialInertia, UnitInertia
 from pydrake.symbolic import Expression
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.arrays import Array
+from flipdiagram.errors import InputError
 from flipdiagram.robot import inverse_kinematics, task_space
 from flipdiagram.robot import model_files as assets
 from flipdiagram.robot.assembly import REFLECTED_INERTIA_SCALE, ArmHandles, add_arm
@@ -35,8 +31,6 @@ from flipdiagram.robot.own_files import ArmFile
 from flipdiagram.robot.task_space import AXES, UNITS
 
 __all__ = ["AXES", "UNITS", "ArmHandles", "ArmModel", "add_arm"]
-
-Array = NDArray[Any]
 
 
 class ArmModel:
@@ -67,7 +61,7 @@ class ArmModel:
     ) -> None:
         """As `add_arm`; payload_mass [kg] rides at C, with payload_inertia [kg m^2] about x.
 
-        The inertia about y and z is set to the same: the task turns about x. Raises ScenarioError for a bad
+        The inertia about y and z is set to the same: the task turns about x. Raises InputError for a bad
         number.
         """
         plant = MultibodyPlant(0.0)
@@ -87,7 +81,7 @@ class ArmModel:
         mass = assets.check_not_negative("payload_mass", payload_mass)
         inertia = assets.check_not_negative("payload_inertia", payload_inertia)
         if inertia > 0 and mass == 0:
-            raise ScenarioError(f"payload_inertia = {inertia} needs a payload_mass above 0, which is {mass}")
+            raise InputError(f"payload_inertia = {inertia} needs a payload_mass above 0, which is {mass}")
         if mass > 0:
             centre: Any = np.zeros(3)
             gyration = inertia / mass
@@ -106,7 +100,7 @@ class ArmModel:
         self.tau_max = np.array(plant.GetEffortUpperLimits(), dtype=float)
         self.tau_rated = np.array([handles.rated_torques[name] for name in self.joint_names])
         if self.n_joints < len(AXES):
-            raise ScenarioError(f"the arm has {self.n_joints} moving joints; valid are at least {len(AXES)}")
+            raise InputError(f"the arm has {self.n_joints} moving joints; valid are at least {len(AXES)}")
         self._bind(plant, float)
         self.knows_home = handles.home is not None
         home = handles.home or dict(zip(self.joint_names, (self.q_min + self.q_max) / 2, strict=True))
@@ -123,13 +117,11 @@ class ArmModel:
 
     def to_scalar(self, scalar: Any) -> "ArmModel":
         """The same arm over float, AutoDiffXd or Expression, with a Context of its own."""
-        convert = {
-            float: self.plant.Clone,
-            AutoDiffXd: self.plant.ToAutoDiffXd,
-            Expression: self.plant.ToSymbolic,
-        }.get(scalar)
+        convert = {float: self.plant.Clone, AutoDiffXd: self.plant.ToAutoDiffXd, Expression: self.plant.ToSymbolic}.get(
+            scalar
+        )
         if convert is None:
-            raise ScenarioError(f"scalar type {scalar!r} is not valid; choose from float, AutoDiffXd, Expression")
+            raise InputError(f"scalar type {scalar!r} is not valid; choose from float, AutoDiffXd, Expression")
         model = copy.copy(self)
         model._bind(convert(), scalar)
         return model
@@ -203,11 +195,7 @@ class ArmModel:
     # Inverse kinematics: the searches are in inverse_kinematics.py
 
     def inverse_kinematics(
-        self,
-        x_task: ArrayLike,
-        q_seed: ArrayLike | None = None,
-        tol: float = 1e-10,
-        through: Sequence[ArrayLike] = (),
+        self, x_task: ArrayLike, q_seed: ArrayLike | None = None, tol: float = 1e-10, through: Sequence[ArrayLike] = ()
     ) -> Array:
         """Joint angles q (n,) [rad] of the task pose x_task (6,), on the branch of the seed, error below tol.
 
@@ -251,7 +239,7 @@ class ArmModel:
     def _joints(self, name: str, value: ArrayLike) -> Array:
         vector = np.asarray(value)
         if vector.shape != (self.n_joints,):
-            raise ScenarioError(
+            raise InputError(
                 f"{name} has shape {vector.shape}; valid is ({self.n_joints},): {' '.join(self.joint_names)}"
             )
         return vector
@@ -260,7 +248,7 @@ class ArmModel:
         poses = np.array(value, dtype=float)
         if poses.ndim != dimensions or poses.shape[-1] != len(AXES) or not len(poses):
             shape = "(6,)" if dimensions == 1 else "(N, 6)"
-            raise ScenarioError(f"{name} has shape {poses.shape}; valid is {shape}, {', '.join(AXES)}")
+            raise InputError(f"{name} has shape {poses.shape}; valid is {shape}, {', '.join(AXES)}")
         if not np.isfinite(poses).all():
-            raise ScenarioError(f"{name} has entries that are not finite; valid are numbers in m and rad")
+            raise InputError(f"{name} has entries that are not finite; valid are numbers in m and rad")
         return poses

@@ -18,7 +18,7 @@ from pydrake.multibody.tree import (
     WeldJoint,
 )
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.robot import model_files as assets
 from flipdiagram.robot import own_files as arm_files
 from flipdiagram.robot.own_files import ArmFile
@@ -63,7 +63,7 @@ def add_arm(
     tool_height: C above the blade's top surface [m]; the scales are factors on the numbers of mh3f.urdf
     (`assets.arm_urdf`); arm: a file of the user's own (None: mh3f.urdf); spatula: URDF or SDF text with a body and a
     frame "tool" (`assets.spatula_urdf(...)`, default numbers if None); base_pose: x, y, z [m] and yaw [rad] of
-    the base.  Raises ScenarioError for a bad number and for a file that lacks something.
+    the base.  Raises InputError for a bad number and for a file that lacks something.
     """
     own = ArmFile(arm) if isinstance(arm, str) else arm
     offset: Any = np.array([0.0, 0.0, assets.check_not_negative("tool_height", tool_height)])
@@ -112,7 +112,7 @@ def _add_urdf(plant: MultibodyPlant, own: ArmFile | None, scales: dict[str, Any]
     try:
         (instance,) = Parser(plant).AddModelsFromString(text, "urdf")
     except RuntimeError as error:
-        raise ScenarioError(f"arm.file = '{own.path if own else 'mh3f.urdf'}' cannot be read: {error}") from None
+        raise InputError(f"arm.file = '{own.path if own else 'mh3f.urdf'}' cannot be read: {error}") from None
     names = [joint.name() for joint in _moving(plant, instance)]
     rated, home = arm_files.rated_torques(text), arm_files.home_angles(text)
     stated = {name: rated.get(name, np.inf) for name in names}
@@ -129,11 +129,11 @@ def _add_own(plant: MultibodyPlant, own: ArmFile, scales: dict[str, Any]) -> Add
         scales = {}  # they are in the text
     else:
         if any(scales[name] != 1.0 for name in ("link_inertia_scale",)) or scales["link_inertia_scales"] is not None:
-            raise ScenarioError(f"arm.link_inertia_scale needs a URDF; valid is 1 for arm.file = '{own.path}'")
+            raise InputError(f"arm.link_inertia_scale needs a URDF; valid is 1 for arm.file = '{own.path}'")
         try:
             instance = Parser(plant).AddModels(own.path)[0]
         except (RuntimeError, IndexError) as error:
-            raise ScenarioError(f"arm.file = '{own.path}' cannot be read: {error}") from None
+            raise InputError(f"arm.file = '{own.path}' cannot be read: {error}") from None
         _fix_off_the_chain(plant, instance, own)
         _free_from_the_ground(plant, instance, own)
     joints = _moving(plant, instance)
@@ -141,7 +141,7 @@ def _add_own(plant: MultibodyPlant, own: ArmFile, scales: dict[str, Any]) -> Add
     for field in ("home", "torque_limits", "speed_limits", "reflected_inertia"):
         given = getattr(own, field)
         if given is not None and len(given) != len(joints):
-            raise ScenarioError(
+            raise InputError(
                 f"scenario field 'arm.{field}' = {list(given)} has {len(given)} entries;"
                 f" valid is one per joint, {' '.join(names)}"
             )
@@ -176,7 +176,7 @@ def _actuate(
         limit = own.torque_limits[k] if own.torque_limits else in_file
         limit *= scales.get("torque_scale", 1.0)
         if not (np.isfinite(limit) and limit > 0):
-            raise ScenarioError(
+            raise InputError(
                 f"arm.file = '{own.path}': joint '{name}' has no torque limit; valid is one per joint"
                 f" in the file or in arm.torque_limits, {' '.join(j.name() for j in joints)}"
             )
@@ -209,13 +209,13 @@ def _fix_off_the_chain(plant: MultibodyPlant, instance: ModelInstanceIndex, own:
     """Weld the moving joints that do not lie between base and flange, as `arm_files.made_ready` does for a URDF."""
     for name in (own.base, own.flange):
         if not plant.HasFrameNamed(name, instance):
-            raise ScenarioError(f"arm.file = '{own.path}' has no link or frame '{name}'; valid is an arm with both")
+            raise InputError(f"arm.file = '{own.path}' has no link or frame '{name}'; valid is an arm with both")
     by_child = {plant.get_joint(i).child_body().index(): plant.get_joint(i) for i in plant.GetJointIndices(instance)}
     here, base = (plant.GetFrameByName(name, instance).body().index() for name in (own.flange, own.base))
     chain = set()
     while here != base:
         if here not in by_child:
-            raise ScenarioError(f"arm.file = '{own.path}': '{own.flange}' is not carried by '{own.base}'")
+            raise InputError(f"arm.file = '{own.path}': '{own.flange}' is not carried by '{own.base}'")
         chain.add(by_child[here].name())
         here = by_child[here].parent_body().index()
     actuators = [plant.get_joint_actuator(i) for i in plant.GetJointActuatorIndices()]
@@ -234,8 +234,8 @@ def _add_spatula(plant: MultibodyPlant, text: str) -> tuple[ModelInstanceIndex, 
     try:
         (instance,) = Parser(plant).AddModelsFromString(text, kind)
     except (RuntimeError, ValueError) as error:
-        raise ScenarioError(f"the tool's model cannot be read: {error}") from None
+        raise InputError(f"the tool's model cannot be read: {error}") from None
     bodies = [plant.get_body(i) for i in plant.GetBodyIndices(instance)]
     if len(bodies) != 1 or not plant.HasFrameNamed("tool", instance):
-        raise ScenarioError(f"the tool's model has {len(bodies)} bodies; valid is one body and a frame 'tool'")
+        raise InputError(f"the tool's model has {len(bodies)} bodies; valid is one body and a frame 'tool'")
     return instance, bodies[0], plant.GetFrameByName("tool", instance)

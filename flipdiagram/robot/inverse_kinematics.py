@@ -5,15 +5,14 @@ step.
 """
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flipdiagram.arrays import Array
 from flipdiagram.errors import PlanningError
 from flipdiagram.robot import task_space
 
-Array = NDArray[Any]
 ITERATIONS = 80
 STEP_MAX = 0.3  # [rad] largest Newton step: keeps the search on the branch of the seed
 LINE_STEPS = 40  # poses on the line from seed to target

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.robot.own_files import ArmFile, made_ready
 
 DRAKE = "http://drake.mit.edu"
@@ -29,11 +29,11 @@ def urdf_directory() -> Path:
 
 
 def model_path(name: str) -> Path:
-    """Path of one model file, e.g. "mh3f.urdf". Raises ScenarioError if there is none of that name."""
+    """Path of one model file, e.g. "mh3f.urdf". Raises InputError if there is none of that name."""
     path = urdf_directory() / name
     if not path.is_file():
         known = sorted(p.name for p in urdf_directory().glob("*df"))
-        raise ScenarioError(f"no model file '{name}'; choose from {', '.join(known)}")
+        raise InputError(f"no model file '{name}'; choose from {', '.join(known)}")
     return path
 
 
@@ -59,12 +59,7 @@ def arm_urdf(
         made_ready(root, own.base, own.flange, own.path)
     for name, scale, path, attributes in (
         ("link_inertia_scale", link_inertia_scale, "link/inertial/mass", ("value",)),
-        (
-            "link_inertia_scale",
-            link_inertia_scale,
-            "link/inertial/inertia",
-            ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"),
-        ),
+        ("link_inertia_scale", link_inertia_scale, "link/inertial/inertia", ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")),
         (
             "reflected_inertia_scale",
             reflected_inertia_scale,
@@ -105,7 +100,7 @@ def _per_joint(name: str, scales: Sequence[float] | None, joints: Sequence[Eleme
         return [1.0] * len(joints)
     if len(scales) != len(joints):
         names = " ".join(joint.attrib["name"] for joint in joints)
-        raise ScenarioError(f"{name} = {list(scales)} has {len(scales)} entries; valid is one per joint, {names}")
+        raise InputError(f"{name} = {list(scales)} has {len(scales)} entries; valid is one per joint, {names}")
     return [check_positive(f"{name}[{i}]", scale) for i, scale in enumerate(scales)]
 
 
@@ -132,7 +127,7 @@ def spatula_urdf(
     total = float(_attribute(root, "link/inertial/mass", "value")) if mass is None else check_positive("mass", mass)
     handle = length - size[0] / 2
     if handle <= 0:
-        raise ScenarioError(
+        raise InputError(
             f"tool_length = {length} m leaves no handle; valid is more than half the blade, {size[0] / 2} m"
         )
 
@@ -211,16 +206,16 @@ def box_inertia(mass: float, size: Sequence[float]) -> np.ndarray:
 
 
 def check_positive(name: str, value: float) -> float:
-    """`value` as a float; ScenarioError naming `name` unless it is a finite number above zero."""
+    """`value` as a float; InputError naming `name` unless it is a finite number above zero."""
     if not np.isfinite(value) or value <= 0:
-        raise ScenarioError(f"{name} = {value} is not valid; valid is a number above 0")
+        raise InputError(f"{name} = {value} is not valid; valid is a number above 0")
     return float(value)
 
 
 def check_not_negative(name: str, value: float) -> float:
-    """`value` as a float; ScenarioError naming `name` unless it is a finite number of at least zero."""
+    """`value` as a float; InputError naming `name` unless it is a finite number of at least zero."""
     if not np.isfinite(value) or value < 0:
-        raise ScenarioError(f"{name} = {value} is not valid; valid is a number of at least 0")
+        raise InputError(f"{name} = {value} is not valid; valid is a number of at least 0")
     return float(value)
 
 
@@ -228,15 +223,15 @@ def _parse(path: Path) -> ElementTree.Element:
     try:
         return ElementTree.parse(path).getroot()
     except OSError as error:
-        raise ScenarioError(f"cannot read the model file '{path}': {error.strerror}") from None
+        raise InputError(f"cannot read the model file '{path}': {error.strerror}") from None
     except ElementTree.ParseError as error:
-        raise ScenarioError(f"the model file '{path}' is not valid XML: {error}") from None
+        raise InputError(f"the model file '{path}' is not valid XML: {error}") from None
 
 
 def _find(root: ElementTree.Element, path: str) -> ElementTree.Element:
     element = root.find(path)
     if element is None:
-        raise ScenarioError(f"the model file has no element '{path}'")
+        raise InputError(f"the model file has no element '{path}'")
     return element
 
 
@@ -264,7 +259,7 @@ def _fill_contact(root: ElementTree.Element, friction: float | None) -> None:
 def _size(name: str, given: Sequence[float] | None, default: str) -> tuple[float, float, float]:
     edges = [float(edge) for edge in default.split()] if given is None else list(given)
     if len(edges) != 3:
-        raise ScenarioError(f"{name} = {edges} is not valid; valid are three lengths [m]")
+        raise InputError(f"{name} = {edges} is not valid; valid are three lengths [m]")
     x, y, z = (check_positive(f"{name}[{i}]", edge) for i, edge in enumerate(edges))
     return x, y, z
 

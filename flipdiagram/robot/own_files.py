@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 DRAWABLE = (".obj", ".gltf", ".vtk")
 """Kinds of mesh that Drake draws."""
@@ -46,17 +46,17 @@ class ArmFile:
         return Path(self.path).suffix.lower() == ".urdf"
 
     def check(self) -> None:
-        """Raise ScenarioError unless the file is there and of a known format."""
+        """Raise InputError unless the file is there and of a known format."""
         if Path(self.path).suffix.lower() not in FORMATS:
-            raise ScenarioError(f"arm.file = '{self.path}' is of no known format; valid is {', '.join(FORMATS)}")
+            raise InputError(f"arm.file = '{self.path}' is of no known format; valid is {', '.join(FORMATS)}")
         if not Path(self.path).is_file():
-            raise ScenarioError(f"arm.file = '{self.path}' cannot be read; valid is an existing file")
+            raise InputError(f"arm.file = '{self.path}' cannot be read; valid is an existing file")
 
 
 def made_ready(root: ElementTree.Element, base: str, flange: str, source: str) -> tuple[str, ...]:
     """Change a URDF's tree in place as the module says; returns the moving joints from base to flange.
 
-    Raises ScenarioError where there is no such link, or no chain between them.
+    Raises InputError where there is no such link, or no chain between them.
     """
     joints = list(root.iterfind("joint"))
     by_child = {_link(joint, "child"): joint for joint in joints}
@@ -65,12 +65,12 @@ def made_ready(root: ElementTree.Element, base: str, flange: str, source: str) -
     for name in (base, flange):
         if name not in links and name not in frames:
             known = ", ".join([*links, *frames])
-            raise ScenarioError(f"arm.file = '{source}' has no link or frame '{name}'; choose from {known}")
+            raise InputError(f"arm.file = '{source}' has no link or frame '{name}'; choose from {known}")
     chain: list[ElementTree.Element] = []
     here, root_link = frames.get(flange, flange), frames.get(base, base)
     while here != root_link:
         if here not in by_child:
-            raise ScenarioError(f"arm.file = '{source}': '{flange}' is not carried by '{base}'; valid is one that is")
+            raise InputError(f"arm.file = '{source}': '{flange}' is not carried by '{base}'; valid is one that is")
         chain.insert(0, by_child[here])
         here = _link(chain[0], "parent")
     if root_link in by_child:  # such as a joint that fixes the base to the world: its place is the scenario's

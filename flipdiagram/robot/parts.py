@@ -14,7 +14,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, RigidBody, SpatialInertia
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.assembly import ArmHandles, add_arm
 from flipdiagram.robot.model_files import block_sdf, spatula_urdf, table_sdf
@@ -43,7 +43,7 @@ def arm_of(scenario: Scenario) -> ArmModel:
 
 
 def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
-    """Add arm, spatula, block and table to a plant that is not finalized; raises ScenarioError for a bad number."""
+    """Add arm, spatula, block and table to a plant that is not finalized; raises InputError for a bad number."""
     arm = add_arm(plant, **_arm_options(scenario))
     if scenario.disturbance.payload > 0:
         _add_payload(plant, arm, scenario.disturbance.payload)
@@ -76,13 +76,13 @@ def _add_own_object(plant: MultibodyPlant, scenario: Scenario) -> RigidBody:
     try:
         (model,) = Parser(plant).AddModels(file)
     except (RuntimeError, ValueError) as error:
-        raise ScenarioError(f"object.file = '{file}' cannot be read: {error}") from None
+        raise InputError(f"object.file = '{file}' cannot be read: {error}") from None
     bodies = [plant.get_body(i) for i in plant.GetBodyIndices(model)]
     if len(bodies) != 1:
-        raise ScenarioError(f"object.file = '{file}' has {len(bodies)} bodies; valid is one")
+        raise InputError(f"object.file = '{file}' has {len(bodies)} bodies; valid is one")
     mass = bodies[0].default_mass()
     if abs(mass - thing.mass) > MASS_TOLERANCE * thing.mass:
-        raise ScenarioError(f"object.file = '{file}' weighs {mass:g} kg; valid is object.mass = {thing.mass:g} kg")
+        raise InputError(f"object.file = '{file}' weighs {mass:g} kg; valid is object.mass = {thing.mass:g} kg")
     return bodies[0]
 
 
@@ -128,7 +128,7 @@ def _own_tool(file: str) -> str:
     try:
         return Path(file).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"tool.file = '{file}' cannot be read: {error}") from None
+        raise InputError(f"tool.file = '{file}' cannot be read: {error}") from None
 
 
 def _add_payload(plant: MultibodyPlant, arm: ArmHandles, mass: float) -> None:
@@ -141,11 +141,15 @@ def _add_payload(plant: MultibodyPlant, arm: ArmHandles, mass: float) -> None:
 
 def _arm_options(scenario: Scenario) -> dict[str, Any]:
     arm, tool = scenario.arm, scenario.tool
-    spatula = _own_tool(tool.file) if tool.file else spatula_urdf(
-        blade_size=(tool.blade_length, tool.blade_width, tool.blade_thickness),
-        tool_length=tool.reach,
-        mass=tool.mass,
-        friction=scenario.object.friction,
+    spatula = (
+        _own_tool(tool.file)
+        if tool.file
+        else spatula_urdf(
+            blade_size=(tool.blade_length, tool.blade_width, tool.blade_thickness),
+            tool_length=tool.reach,
+            mass=tool.mass,
+            friction=scenario.object.friction,
+        )
     )
     return {
         "tool_height": scenario.object.thickness / 2,

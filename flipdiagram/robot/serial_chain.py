@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.multibody.tree import BodyIndex, RevoluteJoint
 
+from flipdiagram.arrays import Floats
 from flipdiagram.robot.arm import ArmModel
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -15,17 +15,15 @@ from typing import Any
 
 import numpy as np
 import pydrake.math as drake_math
-from numpy.typing import NDArray
 from pydrake.symbolic import Expression, if_then_else
 
+from flipdiagram.arrays import Array
 from flipdiagram.errors import PlanningError
 
 AXES = ("y", "z", "theta", "x", "pitch", "yaw")
 UNITS = ("m", "m", "rad", "m", "rad", "rad")
 TURNS_PER_UNIT = np.array([0, 0, 1, 0, 1, 1]) / (2 * math.pi)  # of AXES: lengths have no turns
 COS_PITCH_MIN = 1e-6  # below, theta and yaw turn about the same axis
-
-Array = NDArray[Any]
 
 
 def coordinates(R: Array, p: Array) -> Array:
@@ -35,10 +33,7 @@ def coordinates(R: Array, p: Array) -> Array:
     if type(r00) is float:
         pitch, yaw = math.atan2(-r20, math.hypot(r00, r10)), math.atan2(r10, r00)
     else:
-        pitch, yaw = (
-            drake_math.atan2(-r20, drake_math.sqrt(r00 * r00 + r10 * r10)),
-            drake_math.atan2(r10, r00),
-        )
+        pitch, yaw = (drake_math.atan2(-r20, drake_math.sqrt(r00 * r00 + r10 * r10)), drake_math.atan2(r10, r00))
     return np.array([y, z, unwrapped_roll(r21, r22), x, pitch, yaw])
 
 

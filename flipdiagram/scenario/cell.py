@@ -39,10 +39,7 @@ class Arm(Section):
     )
     link_inertia_scale: float = quantity(1.0, "1", "factor on every link's mass and inertia (our estimates)", gt=0)
     reflected_inertia_scale: float = quantity(
-        2.0,
-        "1",
-        "factor on the reflected rotor inertias; 2 counts the harmonic drives as much as the rotors (L)",
-        ge=0,
+        2.0, "1", "factor on the reflected rotor inertias; 2 counts the harmonic drives as much as the rotors (L)", ge=0
     )
     link_inertia_scales: tuple[float, ...] | None = quantity(
         None, "1", "a further factor on mass and inertia of each moving link, one per joint; null: 1 each"
@@ -56,8 +53,12 @@ class Arm(Section):
     @model_validator(mode="after")
     def _above_zero(self) -> Arm:
         for name in (
-            "link_inertia_scales", "reflected_inertia_scales", "torque_limits", "speed_limits", "reflected_inertia"
-        ):  # fmt: skip
+            "link_inertia_scales",
+            "reflected_inertia_scales",
+            "torque_limits",
+            "speed_limits",
+            "reflected_inertia",
+        ):
             values = getattr(self, name)
             if values is not None and (not values or min(values) <= 0):
                 raise invalid(name, values, "a number above 0 for each joint, or null")

@@ -36,9 +36,7 @@ class OneDof(Section):
     feedforward: Literal["command", "measured"] = Field(
         "command", description="acceleration fed forward: of the command, or measured (section I advises against it)"
     )
-    acceleration_cutoff: float = quantity(
-        60.0, "rad/s", "g_a of the measured acceleration g_a s/(s + g_a) v (o)", gt=0
-    )
+    acceleration_cutoff: float = quantity(60.0, "rad/s", "g_a of the measured acceleration g_a s/(s + g_a) v (o)", gt=0)
 
     @model_validator(mode="after")
     def _consistent(self) -> OneDof:

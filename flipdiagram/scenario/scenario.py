@@ -39,9 +39,12 @@ class Task(Section):
     start_z: float = quantity(0.35, "m", "start of the object (H)")
     target_y: float = quantity(0.0, "m", "origin of y in the cost (5); the block shall land here (p)")
     yaw: float = quantity(
-        0.0, "rad", "turn of the plane of motion, blade included, about the vertical axis through the start",
-        ge=-math.pi, le=math.pi,
-    )  # fmt: skip
+        0.0,
+        "rad",
+        "turn of the plane of motion, blade included, about the vertical axis through the start",
+        ge=-math.pi,
+        le=math.pi,
+    )
     workspace_x: tuple[float, float] = quantity((0.35, 0.6), "m", "range of the plane of motion")
     workspace_y: tuple[float, float] = quantity((-0.35, 0.35), "m", "range of the object while on the tool")
     workspace_z: tuple[float, float] = quantity((0.15, 0.65), "m", "range of the object while on the tool")
@@ -108,8 +111,7 @@ class Planner(Section):
     )
     blend_time: float = quantity(0.2, "s", "in which the command passes over to a new plan", gt=0)
     solver: Literal["clarabel", "osqp", "scs", "ipopt", "snopt", "mosek", "gurobi", "daqp"] = Field(
-        "clarabel",
-        description="solver behind MathematicalProgram; daqp: the condensed program, of the extra `fast`",
+        "clarabel", description="solver behind MathematicalProgram; daqp: the condensed program, of the extra `fast`"
     )
 
     @model_validator(mode="after")
@@ -163,9 +165,7 @@ class Sensors(Section):
     position_noise: float = quantity(
         0.0, "rad", "standard deviation of the noise of the joint angles, drawn anew each period; 0: none", ge=0
     )
-    velocity_noise: float = quantity(
-        0.0, "rad/s", "the same of the joint velocities, measured or derived", ge=0
-    )
+    velocity_noise: float = quantity(0.0, "rad/s", "the same of the joint velocities, measured or derived", ge=0)
     noise_seed: int = quantity(0, "1", "seed of both", ge=0)
 
 
@@ -176,8 +176,7 @@ class Simulation(Section):
         "hydroelastic_with_fallback", description="contact model of the cell"
     )
     contact_approximation: Literal["sap", "lagged", "similar", "tamsi"] = Field(
-        "similar",
-        description="discrete contact approximation of the plant (lagged loses friction at a patch edge)",
+        "similar", description="discrete contact approximation of the plant (lagged loses friction at a patch edge)"
     )
     step: float = quantity(0.001, "s", "time step of the plant; the controller period over a power of two", gt=0)
     hydroelastic_modulus: float = quantity(1e6, "Pa", "stiffness of the rubber block (o)", gt=0)

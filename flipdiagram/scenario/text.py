@@ -37,9 +37,7 @@ def quantity(default: Any, unit: str, text: str, **bounds: Any) -> Any:
 class Section(BaseModel):
     """Base of all sections: immutable, no unknown keys, no conversions, finite numbers, checked defaults."""
 
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", strict=True, allow_inf_nan=False, validate_default=True
-    )
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, validate_default=True)
 
     @model_validator(mode="before")
     @classmethod
@@ -118,11 +116,7 @@ def dump(scenario: BaseModel, comments: bool) -> str:
     for section, values in scenario.model_dump(mode="json").items():
         lines.append(f"{section}:")
         for name, field in section_of(type(scenario), section).model_fields.items():
-            text = (
-                yaml.safe_dump(values[name], default_flow_style=True, width=10_000)
-                .removesuffix("...\n")
-                .strip()
-            )
+            text = yaml.safe_dump(values[name], default_flow_style=True, width=10_000).removesuffix("...\n").strip()
             entry = f"  {name}: {text}"
             lines.append(f"{entry:<44}  # {field.description}" if comments else entry)
     return "\n".join(lines) + "\n"
@@ -130,9 +124,7 @@ def dump(scenario: BaseModel, comments: bool) -> str:
 
 def field_paths(model: type[BaseModel]) -> list[str]:
     """All field paths in order: 'section.field', …"""
-    return [
-        f"{name}.{field}" for name in model.model_fields for field in section_of(model, name).model_fields
-    ]
+    return [f"{name}.{field}" for name in model.model_fields for field in section_of(model, name).model_fields]
 
 
 def section_of(model: type[BaseModel], name: str) -> type[BaseModel]:
@@ -229,11 +221,7 @@ def _parse(text: str, source: str) -> Any:
             return None
         _refuse_duplicates(node, ())
         return loader.construct_document(node)
-    except (
-        yaml.YAMLError,
-        ValueError,
-        RecursionError,
-    ) as error:  # ValueError: a number of thousands of digits
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: a number of thousands of digits
         raise ScenarioError(f"{source} is not valid YAML: {' '.join(str(error).split())}") from None
 
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from flipdiagram.arrays import Floats
 from flipdiagram.robot.model_files import box_inertia
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.recording import Recording, in_tool, tool_axes
 from flipdiagram.theory import contact
-from flipdiagram.theory.contact import Floats
 
 LEAST_FORCE = 1e-3
 """Normal force [N] below which a ratio of forces says nothing."""

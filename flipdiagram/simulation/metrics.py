@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from flipdiagram.arrays import Floats
 from flipdiagram.simulation.recording import Recording, in_tool, roll
-from flipdiagram.theory.contact import Floats
 
 CONTACT_FORCE = 1e-6
 """Force [N] from which two bodies count as touching."""

@@ -19,12 +19,12 @@ from xml.etree import ElementTree
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from flipdiagram.errors import ScenarioError, SimulationError
+from flipdiagram.arrays import Floats
+from flipdiagram.errors import InputError, SimulationError
 from flipdiagram.robot import model_files as assets
 from flipdiagram.scenario.scenario import Scenario, from_yaml
 from flipdiagram.simulation import metrics
 from flipdiagram.simulation.recording import Recording, continuous, in_tool
-from flipdiagram.theory.contact import Floats
 
 BLADE_MASS = 1e4
 """Mass [kg] and moment of inertia about every axis [kg m2] of the blade: 10⁵ blocks, so that the block cannot push it;
@@ -33,7 +33,7 @@ the same about every axis, so that it has no gyroscopic torque."""
 
 @dataclass(frozen=True)
 class Settings:
-    """How MuJoCo solves the contact; the defaults approach rigid Coulomb friction.  ScenarioError for a bad value.
+    """How MuJoCo solves the contact; the defaults approach rigid Coulomb friction.  InputError for a bad value.
 
     timestep: longest step [s]; a whole number of steps fills the recording's period.
     cone: "elliptic" is Coulomb's cone; "pyramidal" has four faces and lets less friction through along the diagonals.
@@ -64,15 +64,19 @@ class Settings:
     def __post_init__(self) -> None:
         choices = {"cone": ("elliptic", "pyramidal"), "integrator": ("Euler", "implicitfast"), "condim": (3, 4, 6)}
         ranges = {
-            "timestep": (1e-6, 1e-2), "impratio": (1e-3, 1e3), "noslip_iterations": (0, 1000),
-            "time_constant": (2 * self.timestep, 1.0), "damping_ratio": (1e-3, 1e3), "impedance": (0.01, 0.9999),
+            "timestep": (1e-6, 1e-2),
+            "impratio": (1e-3, 1e3),
+            "noslip_iterations": (0, 1000),
+            "time_constant": (2 * self.timestep, 1.0),
+            "damping_ratio": (1e-3, 1e3),
+            "impedance": (0.01, 0.9999),
             "settle": (0.0, 100.0),
-        }  # fmt: skip
+        }
         valid = {name: getattr(self, name) in among for name, among in choices.items()}
         valid |= {name: low <= getattr(self, name) <= high for name, (low, high) in ranges.items()}
         for name in [name for name, good in valid.items() if not good]:
             allowed = " or ".join(map(str, choices[name])) if name in choices else "{:g} to {:g}".format(*ranges[name])
-            raise ScenarioError(f"MuJoCo setting '{name}' = {getattr(self, name)!r} is not valid; valid is {allowed}")
+            raise InputError(f"MuJoCo setting '{name}' = {getattr(self, name)!r} is not valid; valid is {allowed}")
 
     def settings_text(self) -> str:
         """The contact settings in one line, for a report."""
@@ -109,7 +113,7 @@ def replay_in_mujoco(recording: Recording, settings: Settings | None = None) -> 
     recording [N].  Attributes: `engine` (the settings in one line) and `blade_error_m`, the largest distance of the
     blade from the recording before it is set back to it [m].
 
-    Raises ScenarioError where MuJoCo is missing or the recording lacks a signal or its scenario, SimulationError where
+    Raises InputError where MuJoCo is missing or the recording lacks a signal or its scenario, SimulationError where
     MuJoCo's state is not finite any more (MuJoCo then leaves its MUJOCO_LOG.TXT in the working directory).
     """
     settings = settings or Settings()
@@ -234,7 +238,7 @@ def _mujoco() -> Any:
     try:
         return importlib.import_module("mujoco")
     except ImportError:
-        raise ScenarioError("the second engine needs MuJoCo: pip install 'flipdiagram[bench]'") from None
+        raise InputError("the second engine needs MuJoCo: pip install 'flipdiagram[bench]'") from None
 
 
 def _scenario_of(recording: Recording) -> Scenario:
@@ -242,7 +246,7 @@ def _scenario_of(recording: Recording) -> Scenario:
     bad = [name for name in signals if name not in recording or not np.isfinite(recording[name].values).all()]
     bad += ["scenario"] * ("scenario" not in recording.attrs)
     if bad:
-        raise ScenarioError(f"the recording lacks finite {', '.join(bad)}; valid is one that `simulate` returns")
+        raise InputError(f"the recording lacks finite {', '.join(bad)}; valid is one that `simulate` returns")
     return from_yaml(recording.attrs["scenario"], "scenario of the recording")
 
 

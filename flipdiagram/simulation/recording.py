@@ -12,6 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 import xarray as xr
 
+from flipdiagram.arrays import Floats
 from flipdiagram.files import versions
 from flipdiagram.planning.command import Command
 from flipdiagram.planning.plan import Plan
@@ -19,7 +20,6 @@ from flipdiagram.plants.cell import CONTACT_PAIRS
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.theory import contact
-from flipdiagram.theory.contact import Floats
 
 AXIS = ["y", "z", "theta"]
 POSE = ["qw", "qx", "qy", "qz", "x", "y", "z"]
@@ -71,10 +71,8 @@ def assemble(
         "block_pose": (("time", "pose"), continuous(signals["block_pose"].T), "1, 1, 1, 1, m, m, m"),
         "sliding_angle": (("time",), contact.sliding_angle(a[:, :2], x[:, 2]), "rad"),
         "sliding_angle_cmd": (("time",), contact.sliding_angle(a_cmd[:, :2], x[:, 2]), "rad"),
-        "contact_force": (
-            ("time", "pair", "direction"), signals["contact_force"].T.reshape(samples, 3, 3), "N"
-        ),
-    }  # fmt: skip
+        "contact_force": (("time", "pair", "direction"), signals["contact_force"].T.reshape(samples, 3, 3), "N"),
+    }
     data = xr.Dataset(
         {
             name: (dims, np.ascontiguousarray(values), {"units": units})

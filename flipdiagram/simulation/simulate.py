@@ -13,7 +13,7 @@ from pydrake.systems.framework import Context
 from flipdiagram.blocks.receding_horizon import RecedingHorizonController
 from flipdiagram.diagrams.loop import Loop, build_loop
 from flipdiagram.diagrams.replacement import Box
-from flipdiagram.errors import ScenarioError, SimulationError
+from flipdiagram.errors import InputError, SimulationError
 from flipdiagram.planning.command import Command
 from flipdiagram.planning.plan import Plan
 from flipdiagram.scenario.scenario import Scenario
@@ -51,7 +51,7 @@ def simulate(
     plan: the motion to follow; without one the MPC plans when the run starts.  progress: called with the fraction
     done.  loop: one built with record=True for the same scenario and architecture, to be used again.  replace: boxes of
     the user's own, as for `build_loop`.  pace: called with the simulated time every `FRAME`,
-    to hold the simulation back.  Raises ScenarioError for a bad scenario, PlanningError
+    to hold the simulation back.  Raises InputError for a bad scenario, PlanningError
     where there is no motion, SimulationError where the simulation diverges.
     """
     if loop is None:
@@ -95,13 +95,13 @@ def _followed(loop: Loop, context: Context, plan: Plan) -> Plan | Command:
 
 def _check_loop(loop: Loop, scenario: Scenario, architecture: str, replace: Mapping[str, Box] | None) -> None:
     if loop.architecture != architecture:
-        raise ScenarioError(f"loop is one of '{loop.architecture}'; valid is one of '{architecture}'")
+        raise InputError(f"loop is one of '{loop.architecture}'; valid is one of '{architecture}'")
     if loop.scenario != scenario:
-        raise ScenarioError("loop was built for another scenario; valid is one for the scenario that is simulated")
+        raise InputError("loop was built for another scenario; valid is one for the scenario that is simulated")
     if not loop.logs:
-        raise ScenarioError("loop records nothing; valid is one of build_loop(..., record=True)")
+        raise InputError("loop records nothing; valid is one of build_loop(..., record=True)")
     if replace and set(replace) != set(loop.replaced):
-        raise ScenarioError(f"loop has {list(loop.replaced)} replaced; valid is {list(replace)}, or no `loop`")
+        raise InputError(f"loop has {list(loop.replaced)} replaced; valid is {list(replace)}, or no `loop`")
 
 
 def _advance(simulator: Simulator, until: float) -> None:

@@ -10,12 +10,12 @@ from __future__ import annotations
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from flipdiagram.arrays import Floats, Indices
 
 GRAVITY_Z = -9.81
 """g_z of eq. (1) [m/s²]; negative, z points up."""
-
-Floats = NDArray[np.float64]
 
 
 class ContactState(IntEnum):
@@ -89,7 +89,7 @@ def acceleration(magnitude: ArrayLike, phi: ArrayLike, theta: ArrayLike) -> Floa
     return np.stack([-magnitude * np.sin(total), GRAVITY_Z + magnitude * np.cos(total)], axis=-1)
 
 
-def contact_state(phi: ArrayLike, mu: ArrayLike) -> NDArray[np.int64]:
+def contact_state(phi: ArrayLike, mu: ArrayLike) -> Indices:
     """Contact state of eqs. (7)–(9) for sliding angle φ [rad] and friction coefficient μ, as ContactState values."""
     modulus = np.abs(np.asarray(phi, dtype=float))
     state = np.where(modulus < friction_angle(mu), ContactState.STICK, ContactState.SLIDE)

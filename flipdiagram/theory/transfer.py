@@ -31,11 +31,10 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from flipdiagram.errors import ScenarioError, SimulationError
-
-Complex = NDArray[np.complex128]
+from flipdiagram.arrays import Complex
+from flipdiagram.errors import InputError, SimulationError
 
 
 @dataclass(frozen=True)
@@ -61,12 +60,12 @@ class Loop1Dof:
     def __post_init__(self) -> None:
         for name in ("mass", "reference_mass"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise ScenarioError(f"{name} = {getattr(self, name)} kg; it must be finite and > 0")
+                raise InputError(f"{name} = {getattr(self, name)} kg; it must be finite and > 0")
         for name in ("k_p", "k_v", "g_dis", "nominal_mass", "period"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
-                raise ScenarioError(f"{name} = {getattr(self, name)}; it must be finite and >= 0")
+                raise InputError(f"{name} = {getattr(self, name)}; it must be finite and >= 0")
         if self.feedforward == "measured" and not 0 < self.acceleration_cutoff < math.inf:
-            raise ScenarioError(f"acceleration_cutoff = {self.acceleration_cutoff} rad/s; it must be finite and > 0")
+            raise InputError(f"acceleration_cutoff = {self.acceleration_cutoff} rad/s; it must be finite and > 0")
 
     def command(self, omega: ArrayLike) -> Complex:
         """X/X_cmd at ω [rad/s], any shape: position response to x_cmd = −sin ωt with its v_cmd and a_cmd."""
@@ -137,7 +136,7 @@ class Loop1Dof:
         w, T = np.asarray(omega, dtype=float), self.period
         if not (np.isfinite(w) & (w > 0)).all() or (T > 0 and (w >= math.pi / T).any()):
             top = f" and below π/T = {math.pi / T:.6g}" if T > 0 else ""
-            raise ScenarioError(f"omega = {w.tolist()} rad/s; it must be finite, > 0{top}")
+            raise InputError(f"omega = {w.tolist()} rad/s; it must be finite, > 0{top}")
         gamma: Any = 1j * w if T == 0.0 else np.expm1(1j * w * T) / T
         half = 1.0 + gamma * T / 2
         K = (gamma + _cutoff(self.g_dis, T)) / gamma

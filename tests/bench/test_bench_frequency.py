@@ -18,7 +18,13 @@ def bench_can_be_imported(monkeypatch):
 
 
 # those of the extras `test` and `bench` that are installed; the benchmark checks each contender at every run
-PACKAGES = {"hand_written": "numba", "simulator": "pydrake", "control_loop": "control", "bdsim_loop": "bdsim", "pathsim_loop": "pathsim"}
+PACKAGES = {
+    "hand_written": "numba",
+    "simulator": "pydrake",
+    "control_loop": "control",
+    "bdsim_loop": "bdsim",
+    "pathsim_loop": "pathsim",
+}
 INSTALLED = [name for name, package in PACKAGES.items() if importlib.util.find_spec(package)]
 
 

@@ -20,7 +20,7 @@ from flipdiagram.blocks.pd import ProportionalDerivative
 from flipdiagram.blocks.sensors import Encoder, PseudoDerivative
 from flipdiagram.blocks.tool_kinematics import ToolKinematics
 from flipdiagram.blocks.torque_limit import TorqueLimit
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 # NumPy reports the floating-point flags that Drake's symbolic scalars leave behind.
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
@@ -183,7 +183,7 @@ def test_a_delay_gives_back_its_input_after_exactly_so_many_periods(offset: floa
 
 @pytest.mark.parametrize("periods", [0, -1])
 def test_a_delay_of_no_period_is_refused(periods: int) -> None:
-    with pytest.raises(ScenarioError, match="periods = .* at least 1"):
+    with pytest.raises(InputError, match="periods = .* at least 1"):
         Delay(1, periods, 0.01)
 
 
@@ -194,5 +194,5 @@ def test_gravity_compensation_is_a_fraction_of_the_arms_torque(context_of: Any, 
     block.set_fraction(context, [1.0, 0.0])
     assert block.GetOutputPort("tau_gravity").Eval(context) == pytest.approx([9.81, 0.0])
     assert feedthrough_of(block) == {("q", "tau_gravity")}
-    with pytest.raises(ScenarioError, match="fraction"):
+    with pytest.raises(InputError, match="fraction"):
         block.set_fraction(context, -0.1)

@@ -173,13 +173,9 @@ def test_autodiff_gradients_through_the_loop_match_differences() -> None:
     dual = np.array([AutoDiffXd(value, row) for value, row in zip(point, np.eye(4), strict=True)])
     result = after_ticks(diagram.ToAutoDiffXd(), blocks, dual, 60)
     assert [r.value() for r in result] == pytest.approx(after_ticks(diagram, blocks, point, 60), abs=1e-12)
-    gradient = np.array(
-        [np.resize(r.derivatives(), 4) if r.derivatives().size else np.zeros(4) for r in result]
-    )
+    gradient = np.array([np.resize(r.derivatives(), 4) if r.derivatives().size else np.zeros(4) for r in result])
     for i, step in enumerate(steps):
         shift = step * np.eye(4)[i]
-        difference = after_ticks(diagram, blocks, point + shift, 60) - after_ticks(
-            diagram, blocks, point - shift, 60
-        )
+        difference = after_ticks(diagram, blocks, point + shift, 60) - after_ticks(diagram, blocks, point - shift, 60)
         assert gradient[:, i] == pytest.approx(difference / (2 * step), rel=2e-5, abs=1e-9)
     assert (np.abs(gradient).max(axis=0) > 1e-7).all()

@@ -12,14 +12,12 @@ from flipdiagram.blocks.feedforward import AccelerationFeedforward
 from flipdiagram.blocks.inertia import NominalInertia
 from flipdiagram.blocks.pd import ProportionalDerivative, feedback_acceleration
 from flipdiagram.blocks.torque_limit import TorqueLimit, limited_torque
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 VECTORS = arrays(float, 3, elements=st.floats(-1e3, 1e3))
 
 
-def test_feedforward_passes_the_command_and_its_gain_is_in_the_context(
-    context_of: Any, feedthrough_of: Any
-) -> None:
+def test_feedforward_passes_the_command_and_its_gain_is_in_the_context(context_of: Any, feedthrough_of: Any) -> None:
     block = AccelerationFeedforward(2)
     context, other = context_of(block, a_cmd=[3.0, -4.0]), context_of(block, a_cmd=[3.0, -4.0])
     assert block.GetOutputPort("a_ff").Eval(context).tolist() == [3.0, -4.0]
@@ -42,7 +40,7 @@ def test_pd_by_hand(context_of: Any, feedthrough_of: Any) -> None:
 
 
 def test_pd_gains_of_different_length_are_refused() -> None:
-    with pytest.raises(ScenarioError, match="k_p.*3 channels"):
+    with pytest.raises(InputError, match="k_p.*3 channels"):
         ProportionalDerivative([1.0, 2.0], [1.0, 2.0, 3.0])
     assert ProportionalDerivative([1.0, 2.0], 3.0).k_v.tolist() == [3.0, 3.0]
 
@@ -59,7 +57,7 @@ def test_nominal_inertia_diagonal(context_of: Any, feedthrough_of: Any) -> None:
     block.set_inertia(context, [1.0, 1.0])
     assert block.GetOutputPort("tau_ref").Eval(context).tolist() == [2.0, -2.0]
     assert feedthrough_of(block) == {("qdd_ref", "tau_ref")}
-    with pytest.raises(ScenarioError, match=r"\(2, 2\)"):
+    with pytest.raises(InputError, match=r"\(2, 2\)"):
         block.set_inertia(context, np.eye(2))
 
 

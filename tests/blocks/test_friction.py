@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from flipdiagram.blocks.friction import JointFriction, friction_torque, stable_transition_velocity
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 VELOCITIES = arrays(float, 3, elements=st.floats(-10.0, 10.0))
 TAU_C, D, V_S = np.array([1.0, 0.5, 0.0]), np.array([0.1, 0.0, 2.0]), np.array([0.01, 0.1, 1.0])
@@ -60,9 +60,9 @@ def test_transition_velocity_by_hand_and_creep() -> None:
 
 
 def test_bad_arguments_are_refused() -> None:
-    with pytest.raises(ScenarioError, match="v_s"):
+    with pytest.raises(InputError, match="v_s"):
         JointFriction([1.0], [0.0], [0.0])
-    with pytest.raises(ScenarioError, match="step"):
+    with pytest.raises(InputError, match="step"):
         stable_transition_velocity(1.0, 1.0, 0.0)
-    with pytest.raises(ScenarioError, match="inertia"):
+    with pytest.raises(InputError, match="inertia"):
         stable_transition_velocity(1.0, 0.0, 1e-3)

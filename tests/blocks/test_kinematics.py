@@ -11,7 +11,7 @@ from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, Ini
 
 from flipdiagram.blocks.inverse_jacobian import InverseJacobian, joint_acceleration
 from flipdiagram.blocks.tool_kinematics import ToolKinematics
-from flipdiagram.errors import ScenarioError, SimulationError
+from flipdiagram.errors import InputError, SimulationError
 
 # NumPy reports the floating-point flags that Drake's scalars leave behind.
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
@@ -54,9 +54,7 @@ def tip_acceleration(arm: PlanarArm, q: np.ndarray, qd: np.ndarray, qdd: np.ndar
 
 
 @pytest.mark.parametrize(("joints", "coordinates"), [(3, 3), (3, 2), (4, 3)])
-def test_joint_accelerations_make_the_tip_accelerate_as_asked(
-    context_of: Any, joints: int, coordinates: int
-) -> None:
+def test_joint_accelerations_make_the_tip_accelerate_as_asked(context_of: Any, joints: int, coordinates: int) -> None:
     arm = PlanarArm(joints, coordinates)
     q, qd, a_ref = np.append(Q, 0.7)[:joints], np.append(QD, -0.3)[:joints], A_REF[:coordinates]
     block = InverseJacobian(arm, joints, coordinates)
@@ -65,9 +63,7 @@ def test_joint_accelerations_make_the_tip_accelerate_as_asked(
     assert tip_acceleration(arm, q, qd, qdd) == pytest.approx(a_ref, abs=1e-4)
 
 
-@given(
-    jacobian=arrays(float, (2, 4), elements=st.floats(-1, 1)), a=arrays(float, 2, elements=st.floats(-5, 5))
-)
+@given(jacobian=arrays(float, (2, 4), elements=st.floats(-1, 1)), a=arrays(float, 2, elements=st.floats(-5, 5)))
 def test_redundant_arms_get_the_least_norm_solution(jacobian: np.ndarray, a: np.ndarray) -> None:
     jacobian = jacobian + np.eye(2, 4) * 4.0  # well conditioned
     expected, *_ = np.linalg.lstsq(jacobian, a, rcond=None)
@@ -85,7 +81,7 @@ def test_a_singular_arm_says_so(context_of: Any) -> None:
 
 
 def test_too_few_joints_are_refused() -> None:
-    with pytest.raises(ScenarioError, match="num_joints = 3"):
+    with pytest.raises(InputError, match="num_joints = 3"):
         InverseJacobian(PlanarArm(3, 3), num_joints=3)
 
 
@@ -119,9 +115,7 @@ def test_autodiff_gradients_match_differences(context_of: Any, joints: int) -> N
     for block, port in blocks:
         inputs = {"q": q, "qd": qd} | ({"a_ref": A_REF} if port == "qdd_ref" else {})
 
-        def value(
-            position: np.ndarray, block: Any = block, port: str = port, inputs: Any = inputs
-        ) -> np.ndarray:
+        def value(position: np.ndarray, block: Any = block, port: str = port, inputs: Any = inputs) -> np.ndarray:
             return block.GetOutputPort(port).Eval(context_of(block, **(inputs | {"q": position})))
 
         converted = block.ToAutoDiffXd()

@@ -9,7 +9,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from flipdiagram.blocks.commands import BroadbandNoise, SinusoidalCommand, SinusoidalNoise, next_random
 from flipdiagram.blocks.meters import LockIn, Peak, RootMeanSquare, fundamental, whole_periods
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
 T, OMEGA = 0.01, np.array([3.0, 40.0])
@@ -40,7 +40,9 @@ def test_meters_agree_with_numpy(start_time):
     read = {name: meter.get_output_port().Eval(meter.GetMyContextFromRoot(context)) for name, meter in meters.items()}
     first = round(start_time / T)
     x, v, a = (signal[first:] for signal in samples(200))
-    assert read["lockin"] == pytest.approx(np.concatenate([(v * a).sum(0) / OMEGA**2, (v * -v).sum(0) / OMEGA, v.sum(0)]), rel=1e-9, abs=1e-9)
+    assert read["lockin"] == pytest.approx(
+        np.concatenate([(v * a).sum(0) / OMEGA**2, (v * -v).sum(0) / OMEGA, v.sum(0)]), rel=1e-9, abs=1e-9
+    )
     assert read["peak"] == pytest.approx(np.concatenate([v.max(0), v.min(0)]), rel=1e-12)
     assert read["rms"] == pytest.approx(np.sqrt(((v - x) ** 2).mean(0)), rel=1e-12)
     sums = read["lockin"].reshape(3, 2).T
@@ -48,11 +50,22 @@ def test_meters_agree_with_numpy(start_time):
 
 
 def test_meters_read_nothing_before_they_start():
-    for meter, nothing in ((Peak(1, T), [-np.inf, np.inf]), (RootMeanSquare(1, T), [0.0]), (LockIn([1.0], T), [0.0] * 3)):
+    for meter, nothing in (
+        (Peak(1, T), [-np.inf, np.inf]),
+        (RootMeanSquare(1, T), [0.0]),
+        (LockIn([1.0], T), [0.0] * 3),
+    ):
         assert meter.get_output_port().Eval(meter.CreateDefaultContext()).tolist() == nothing
 
 
-@given(st.floats(-5, 5), st.floats(0.01, 5), st.floats(-3, 3), st.floats(0.5, 300), st.integers(0, 10**6), st.integers(30, 3000))
+@given(
+    st.floats(-5, 5),
+    st.floats(0.01, 5),
+    st.floats(-3, 3),
+    st.floats(0.5, 300),
+    st.integers(0, 10**6),
+    st.integers(30, 3000),
+)
 def test_the_fundamental_of_a_sinusoid_on_an_offset_is_exact(mean, amplitude, angle, omega, start, ticks):
     """Also where the window is not a whole number of periods, as long as it holds a good part of one."""
     ticks = max(ticks, round(1.2 * 2 * np.pi / (omega * T)))
@@ -78,7 +91,10 @@ def test_commands_are_equations_13_to_15_and_noise_a_sine():
             context = block.CreateDefaultContext()
             context.SetTime(T * k)
             for name, value in (("x_cmd", x), ("v_cmd", v), ("a_cmd", a)):
-                read = [float(e.Evaluate()) if hasattr(e, "Evaluate") else e for e in block.GetOutputPort(name).Eval(context)]
+                read = [
+                    float(e.Evaluate()) if hasattr(e, "Evaluate") else e
+                    for e in block.GetOutputPort(name).Eval(context)
+                ]
                 assert read == pytest.approx(2 * value, rel=1e-12, abs=1e-12)
         context = noise.CreateDefaultContext()
         context.SetTime(T * k)
@@ -111,10 +127,19 @@ def test_broadband_noise_is_white_and_repeats_with_its_seed():
     assert [e.Evaluate() for e in after] == [16807.0, next_random(1043618065.0)]
 
 
-@pytest.mark.parametrize("make", [
-    lambda: SinusoidalCommand([0.0]), lambda: SinusoidalNoise([-1.0]), lambda: LockIn([np.nan], T), lambda: LockIn([1.0], 0.0),
-    lambda: Peak(1, T, -1.0), lambda: BroadbandNoise([1.0], T, [0]), lambda: BroadbandNoise([1.0], T, [1.5]), lambda: BroadbandNoise([-1.0], T),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: SinusoidalCommand([0.0]),
+        lambda: SinusoidalNoise([-1.0]),
+        lambda: LockIn([np.nan], T),
+        lambda: LockIn([1.0], 0.0),
+        lambda: Peak(1, T, -1.0),
+        lambda: BroadbandNoise([1.0], T, [0]),
+        lambda: BroadbandNoise([1.0], T, [1.5]),
+        lambda: BroadbandNoise([-1.0], T),
+    ],
+)
 def test_bad_numbers_are_named(make):
-    with pytest.raises(ScenarioError, match=r"must be finite|valid are whole numbers"):
+    with pytest.raises(InputError, match=r"must be finite|valid are whole numbers"):
         make()

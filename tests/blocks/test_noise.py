@@ -11,7 +11,7 @@ from pydrake.systems.primitives import ConstantVectorSource, VectorLogSink
 from scipy import stats
 
 from flipdiagram.blocks.noise import PAGE, SensorNoise, white_noise
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 PERIOD, TICKS = 1e-3, 20_000
 DEVIATION = np.array([0.01, 3.0, 0.0])
@@ -51,7 +51,10 @@ def test_it_is_white(output: np.ndarray) -> None:
         r = np.array([np.mean(w[:-lag] * w[lag:]) for lag in lags])
         assert np.abs(r).max() < 4.5 / np.sqrt(TICKS)
         assert 0.001 < stats.chi2.cdf(TICKS * np.sum(r**2), len(lags)) < 0.999
-    across = [np.mean(one[max(-lag, 0) : TICKS - max(lag, 0)] * two[max(lag, 0) : TICKS + min(lag, 0)]) for lag in range(-5, 6)]
+    across = [
+        np.mean(one[max(-lag, 0) : TICKS - max(lag, 0)] * two[max(lag, 0) : TICKS + min(lag, 0)])
+        for lag in range(-5, 6)
+    ]
     assert np.abs(across).max() < 4 / np.sqrt(TICKS)
 
 
@@ -126,6 +129,6 @@ def test_its_derivative_is_that_of_the_input_and_it_has_no_formula(context_of: A
     ],
 )
 def test_a_number_that_makes_no_sense_is_one_line(arguments: Any, words: str) -> None:
-    with pytest.raises(ScenarioError, match=words) as caught:
+    with pytest.raises(InputError, match=words) as caught:
         SensorNoise(*arguments)
     assert "\n" not in str(caught.value)

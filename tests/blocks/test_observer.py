@@ -6,15 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flipdiagram.blocks.observer import DisturbanceObserver, disturbance_estimate, next_observer_state
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 G, M, PERIOD = 12.6, 0.8, 1e-3
 gains, inertias, torques = st.floats(1.0, 200.0), st.floats(0.05, 5.0), st.floats(-20.0, 20.0)
 
 
-def run(
-    g: float, inertia: float, torque: float, disturbance: float, steps: int, compensate: bool
-) -> np.ndarray:
+def run(g: float, inertia: float, torque: float, disturbance: float, steps: int, compensate: bool) -> np.ndarray:
     """tau_dis of a body M qdd = tau - d, tau = torque (+ tau_dis to compensate) held over each period."""
     gain, mass = np.array([g]), np.array([inertia])
     w, qd, estimates = np.zeros(1), np.zeros(1), []
@@ -36,16 +34,12 @@ def test_one_sample_by_hand() -> None:
 
 
 @given(g=gains, inertia=inertias, d=torques)
-def test_a_compensated_constant_disturbance_is_found_in_closed_form(
-    g: float, inertia: float, d: float
-) -> None:
+def test_a_compensated_constant_disturbance_is_found_in_closed_form(g: float, inertia: float, d: float) -> None:
     """tau = tau_dis: the error d - tau_dis shrinks by 1 - gT a sample: time constant 1/g."""
     k = np.arange(300)
     # tau_dis+ = a tau_dis + (1 - a) tau - gT (tau - d) with tau = tau_dis
     expected = d * (1.0 - (1.0 - g * PERIOD) ** k)
-    assert run(g, inertia, 0.0, d, k.size, compensate=True) == pytest.approx(
-        expected, abs=1e-9 * (1 + abs(d))
-    )
+    assert run(g, inertia, 0.0, d, k.size, compensate=True) == pytest.approx(expected, abs=1e-9 * (1 + abs(d)))
 
 
 def test_time_constant_is_one_over_g() -> None:
@@ -54,9 +48,7 @@ def test_time_constant_is_one_over_g() -> None:
 
 
 @given(g=gains, inertia=inertias, tau=torques, d=torques)
-def test_an_accelerating_body_leaves_the_stated_remainder(
-    g: float, inertia: float, tau: float, d: float
-) -> None:
+def test_an_accelerating_body_leaves_the_stated_remainder(g: float, inertia: float, tau: float, d: float) -> None:
     """Without compensation tau_dis -> d + (1 - gT/(1 - e^-gT)) (tau - d), with the factor e^-gT a sample."""
     decay = np.exp(-g * PERIOD)
     limit = d + (1.0 - g * PERIOD / (1.0 - decay)) * (tau - d)
@@ -67,9 +59,7 @@ def test_an_accelerating_body_leaves_the_stated_remainder(
 
 
 @given(g=gains, inertia=inertias, tau=torques)
-def test_no_disturbance_and_an_exact_model_give_nothing_but_the_remainder(
-    g: float, inertia: float, tau: float
-) -> None:
+def test_no_disturbance_and_an_exact_model_give_nothing_but_the_remainder(g: float, inertia: float, tau: float) -> None:
     estimates = run(g, inertia, tau, 0.0, 200, compensate=False)
     assert (np.abs(estimates) <= 0.55 * g * PERIOD * abs(tau) + 1e-9).all()
 
@@ -135,7 +125,7 @@ def test_initial_estimate(context_of: Any) -> None:
 
 
 def test_bad_arguments_are_refused() -> None:
-    with pytest.raises(ScenarioError, match="g_dis"):
+    with pytest.raises(InputError, match="g_dis"):
         DisturbanceObserver([-1.0], [1.0], 1e-3)
-    with pytest.raises(ScenarioError, match="period"):
+    with pytest.raises(InputError, match="period"):
         DisturbanceObserver([1.0], [1.0], 0.0)

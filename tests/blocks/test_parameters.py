@@ -5,7 +5,7 @@ import pytest
 from pydrake.symbolic import Variable
 
 from flipdiagram.blocks._parameters import channels, nominal_inertia, same_form, sampling, times_inertia
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 
 def test_one_number_stands_for_all_channels() -> None:
@@ -19,17 +19,15 @@ def test_channels_copies_its_argument() -> None:
     assert mine.tolist() == [1.0, 1.0]
 
 
-@pytest.mark.parametrize(
-    "bad", [[1.0, 2.0], [[1.0, 2.0, 3.0]], [], [1.0, -1.0, 1.0], [1.0, np.nan, 1.0], np.inf]
-)
+@pytest.mark.parametrize("bad", [[1.0, 2.0], [[1.0, 2.0, 3.0]], [], [1.0, -1.0, 1.0], [1.0, np.nan, 1.0], np.inf])
 def test_bad_channels_are_named(bad: Any) -> None:
-    with pytest.raises(ScenarioError, match="my_gain"):
+    with pytest.raises(InputError, match="my_gain"):
         channels("my_gain", bad, 3)
 
 
 def test_strict_excludes_the_bound() -> None:
     assert channels("k", [0.0])[0] == 0.0
-    with pytest.raises(ScenarioError, match="> 0"):
+    with pytest.raises(InputError, match="> 0"):
         channels("k", [0.0], strict=True)
 
 
@@ -39,11 +37,10 @@ def test_symbols_are_accepted_unchecked() -> None:
 
 
 @pytest.mark.parametrize(
-    "bad",
-    [[1.0, 0.0], [[1.0, 2.0], [2.0, 1.0]], [[1.0, 1.0], [0.0, 1.0]], np.ones((2, 3)), np.ones((1, 1, 1))],
+    "bad", [[1.0, 0.0], [[1.0, 2.0], [2.0, 1.0]], [[1.0, 1.0], [0.0, 1.0]], np.ones((2, 3)), np.ones((1, 1, 1))]
 )
 def test_nominal_inertia_must_be_positive_definite(bad: Any) -> None:
-    with pytest.raises(ScenarioError, match="nominal inertia"):
+    with pytest.raises(InputError, match="nominal inertia"):
         nominal_inertia(bad)
 
 
@@ -55,13 +52,11 @@ def test_times_inertia_diagonal_and_matrix() -> None:
 
 def test_same_form_spreads_a_diagonal_and_refuses_the_rest() -> None:
     assert same_form(np.array([2.0, 3.0]), np.eye(2)).tolist() == [[2.0, 0.0], [0.0, 3.0]]
-    with pytest.raises(ScenarioError, match=r"\(2, 2\).*\(2,\)"):
+    with pytest.raises(InputError, match=r"\(2, 2\).*\(2,\)"):
         same_form(np.eye(2), np.ones(2))
 
 
-@pytest.mark.parametrize(
-    ("period", "offset"), [(0.0, 0.0), (-1.0, 0.0), (np.nan, 0.0), (1.0, -1.0), (1.0, np.inf)]
-)
+@pytest.mark.parametrize(("period", "offset"), [(0.0, 0.0), (-1.0, 0.0), (np.nan, 0.0), (1.0, -1.0), (1.0, np.inf)])
 def test_sampling_is_checked(period: float, offset: float) -> None:
-    with pytest.raises(ScenarioError, match="period|offset"):
+    with pytest.raises(InputError, match="period|offset"):
         sampling(period, offset)

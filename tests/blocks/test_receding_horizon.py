@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
 
 from flipdiagram.blocks.receding_horizon import RecedingHorizonController, Status, Timing
-from flipdiagram.errors import PlanningError, ScenarioError
+from flipdiagram.errors import InputError, PlanningError
 from flipdiagram.planning.command import Command, of_object, on_tool
 from flipdiagram.planning.plan import Plan
 
@@ -25,9 +25,21 @@ def plan_of(states0, inputs, n_contact, dt=0.02, solve_time=0.001):
         x, v = states[-1][:3], states[-1][3:]
         states.append(np.concatenate([x + v * dt + u * dt**2 / 2, v + u * dt]))
     return Plan(
-        dt, n_contact, 4, len(inputs) - n_contact, np.array(states), np.array(inputs, dtype=float), 1.0, 0.0, 0.5, 1.0, {},
-        "none", 1, solve_time,
-    )  # fmt: skip
+        dt,
+        n_contact,
+        4,
+        len(inputs) - n_contact,
+        np.array(states),
+        np.array(inputs, dtype=float),
+        1.0,
+        0.0,
+        0.5,
+        1.0,
+        {},
+        "none",
+        1,
+        solve_time,
+    )
 
 
 def first_plan(n_contact=20, n_brake=5):
@@ -86,9 +98,13 @@ offsets = st.tuples(*[st.floats(-0.02, 0.02)] * 3)
 
 @settings(max_examples=25, deadline=None)
 @given(
-    delay=st.floats(0.0, 0.05), period=st.sampled_from([0.02, 0.03, 0.05, 0.08]), blend=st.floats(0.03, 0.3), x=offsets,
-    v=offsets, start=offsets,
-)  # fmt: skip
+    delay=st.floats(0.0, 0.05),
+    period=st.sampled_from([0.02, 0.03, 0.05, 0.08]),
+    blend=st.floats(0.03, 0.3),
+    x=offsets,
+    v=offsets,
+    start=offsets,
+)
 def test_x_cmd_and_v_cmd_are_continuous_whatever_the_delay_and_the_error(delay, period, blend, x, v, start):
     """Between samples h apart a continuous motion moves by v h + a h²/2: more would be a jump."""
     plan, again = first_plan(), Again()
@@ -208,7 +224,7 @@ def test_no_output_depends_on_an_input():
 
 @pytest.mark.parametrize("bad", [{"period": 0.0}, {"delay": -0.1}, {"blend": 0.0}, {"early": 0.0}])
 def test_times_that_make_no_sense_are_refused(bad):
-    with pytest.raises(ScenarioError, match="valid are period, blend and early above 0"):
+    with pytest.raises(InputError, match="valid are period, blend and early above 0"):
         Timing(**({"period": 0.04, "delay": 0.01, "blend": 0.1, "early": EARLY} | bad))
 
 

@@ -7,13 +7,7 @@ from hypothesis import strategies as st
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.symbolic import Expression, Variable
 
-from flipdiagram.blocks.sensors import (
-    Encoder,
-    PseudoDerivative,
-    filtered_velocity,
-    next_filter_state,
-    quantised,
-)
+from flipdiagram.blocks.sensors import Encoder, PseudoDerivative, filtered_velocity, next_filter_state, quantised
 
 
 def test_encoder_by_hand(context_of: Any, feedthrough_of: Any) -> None:
@@ -40,9 +34,7 @@ def test_quantised_over_other_scalars() -> None:
     assert result.Evaluate({q: 0.74, r: 0.0}) == 0.74
     (off,) = quantised(np.array([Expression(q)]), np.array([Expression(0.0)]))
     assert off.EqualTo(Expression(q))
-    rounded, through = quantised(
-        np.array([AutoDiffXd(0.74, [1.0])] * 2), np.array([AutoDiffXd(0.5), AutoDiffXd(0.0)])
-    )
+    rounded, through = quantised(np.array([AutoDiffXd(0.74, [1.0])] * 2), np.array([AutoDiffXd(0.5), AutoDiffXd(0.0)]))
     assert rounded.value() == 0.5 and not np.any(rounded.derivatives())
     assert through.value() == 0.74 and through.derivatives().tolist() == [1.0]
 

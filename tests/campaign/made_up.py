@@ -14,7 +14,7 @@ from pathlib import Path
 from flipdiagram.campaign.checks import from_text
 from flipdiagram.campaign.conduct import run
 from flipdiagram.campaign.opening import opened
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.flips.flips import Outcome
 from flipdiagram.flips.work import Landed, Work, provenance
 from flipdiagram.simulation.metrics import FlipMetrics
@@ -40,7 +40,13 @@ def metrics_of(flight, won):
     numbers = {field.name: 0.01 * (k + flight.truth.object.friction) for k, field in enumerate(fields(FlipMetrics))}
     numbers["position_rmse_m"] = 0.01 / flight.truth.object.friction + 1e-6 * flight.truth.controller.k_p
     failure = None if won else "dropped at 0.200 s"
-    plain = {"touchdown": None, "saturated_s": 0.0, "success": won, "failure": failure, "architecture": flight.architecture}
+    plain = {
+        "touchdown": None,
+        "saturated_s": 0.0,
+        "success": won,
+        "failure": failure,
+        "architecture": flight.architecture,
+    }
     return FlipMetrics(**numbers | plain | {"start_y_m": 0.0, "max_torque_Nm": [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]})
 
 
@@ -113,7 +119,7 @@ def finished(file):
     try:
         with opened(file) as results:
             return {(row.trial, row.architecture, row.finished) for row in results.rows()}
-    except ScenarioError:  # not yet there
+    except InputError:  # not yet there
         return set()
 
 

@@ -23,7 +23,7 @@ from flipdiagram.campaign.opening import begun
 from flipdiagram.campaign.report import report_section, write_analysis
 from flipdiagram.campaign.results import Row
 from flipdiagram.campaign.watch import status_grid, watch
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 NAMES = ("pd", "pd+ff", "pd+dob", "pd+ff+dob")
 WORLD = """
@@ -156,8 +156,12 @@ def test_a_failure_after_long_saturation_is_one_of_the_torque_limit_and_nothing_
     short, unknown, long = (
         replace(metrics_of(Flight, won=False), saturated_s=time) for time in (LIMITED, np.nan, LIMITED + 1e-3)
     )
-    failures = {"dropped at 0.2 s": "slid off", "landed at 1.2 rad": "wrong angle", "never landed": "never landed",
-                "blade hit the table at 0.3 s, dropped at 0.4 s": "hit the table"}  # fmt: skip
+    failures = {
+        "dropped at 0.2 s": "slid off",
+        "landed at 1.2 rad": "wrong angle",
+        "never landed": "never landed",
+        "blade hit the table at 0.3 s, dropped at 0.4 s": "hit the table",
+    }
     for text, mode in failures.items():
         moved = [replace(metrics, max_lift_off_m=0.0) for metrics in (short, unknown, long)]
         assert [mode_of(text, metrics) for metrics in moved] == [mode, mode, "torque limit"]
@@ -180,7 +184,7 @@ def test_a_file_is_exported_whole_in_every_format(file, tmp_path):
         assert back["outcome"].astype(str).values.tolist() == data["outcome"].values.tolist()
         assert np.array_equal(back["position_rmse_m"], data["position_rmse_m"])
         assert back["success"].values.tolist() == data["success"].values.astype(int).tolist()
-    with pytest.raises(ScenarioError, match=r"--export.*\.csv"):
+    with pytest.raises(InputError, match=r"--export.*\.csv"):
         export(file, tmp_path / "a.xls")
 
 

@@ -51,7 +51,9 @@ def test_a_row_is_what_a_single_flip_measures(undisturbed, tmp_path):
     assert row["metrics"] == json.loads(json.dumps(measured | {"torque_use": row["metrics"]["torque_use"]}))
 
 
-WEAK = TEXT[: TEXT.index("vary")] + """
+WEAK = (
+    TEXT[: TEXT.index("vary")]
+    + """
 vary:
   arm.torque_scale: {grid: [0.15, 1.0]}
   disturbance.payload: {grid: [0.0, 1.0]}
@@ -59,6 +61,7 @@ sampler: grid
 architectures: [pd+ff+dob]
 timeout: 100
 """
+)
 
 
 def test_a_flip_that_lacks_torque_fails_by_its_limit_and_one_that_never_reached_it_by_what_happened(tmp_path):

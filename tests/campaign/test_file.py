@@ -11,7 +11,7 @@ from flipdiagram.campaign.checks import from_text
 from flipdiagram.campaign.conduct import run
 from flipdiagram.campaign.opening import begun, is_running, opened
 from flipdiagram.campaign.results import Row
-from flipdiagram.errors import ScenarioError, SimulationError
+from flipdiagram.errors import InputError, SimulationError
 from flipdiagram.flips.store import Store
 
 META = {"code": "c", "versions": "{}", "begun": "0"}
@@ -20,7 +20,22 @@ SPECIFICATION = from_text(QUIET)
 
 def row(k, text="x"):
     return Row(
-        k, "pd", "slid off", text, 1, "hash", {"object.friction": 1.0}, [1.0, 2.0], None, None, "c", {}, 0.1, "h", 1, 5.0
+        k,
+        "pd",
+        "slid off",
+        text,
+        1,
+        "hash",
+        {"object.friction": 1.0},
+        [1.0, 2.0],
+        None,
+        None,
+        "c",
+        {},
+        0.1,
+        "h",
+        1,
+        5.0,
     )
 
 
@@ -42,7 +57,7 @@ def refused(path, *words, specification=SPECIFICATION, resume=True, reading=True
             list(results.rows())
 
     for use in (write, read) if reading else (write,):
-        with pytest.raises(ScenarioError) as caught:
+        with pytest.raises(InputError) as caught:
             use()
         assert str(path) in str(caught.value) and "\n" not in str(caught.value)
         for word in words:
@@ -59,7 +74,7 @@ def test_rows_come_back_as_they_were_put_and_the_file_is_one_file(file):
 
 def test_a_row_cannot_be_written_twice(file):
     with begun(file, SPECIFICATION, META, resume=True) as results:
-        with pytest.raises(ScenarioError, match="UNIQUE"):
+        with pytest.raises(InputError, match="UNIQUE"):
             results.put([row(7), row(3)])
         assert len(results.done()) == 5  # neither
         results.put([row(7)])
@@ -146,7 +161,7 @@ def test_a_full_disk_is_one_line_and_what_was_finished_stays(file):
     with begun(file, SPECIFICATION, META, resume=True) as results:
         pages = results._database.execute("PRAGMA page_count").fetchone()[0]
         results._database.execute(f"PRAGMA max_page_count = {pages + 3}")
-        with pytest.raises(ScenarioError, match="full"):
+        with pytest.raises(InputError, match="full"):
             for k in range(10, 1000):
                 results.put([row(k, "z" * 3000)])
     with opened(file) as results:
@@ -162,7 +177,7 @@ def test_a_place_where_nothing_can_be_written_is_named(tmp_path):
     refused(tmp_path / "file" / "campaign.sqlite", reading=False)
     (tmp_path / "folder" / "campaign.sqlite").mkdir(parents=True)
     refused(tmp_path / "folder" / "campaign.sqlite")
-    with pytest.raises(ScenarioError, match="is no file"), opened(tmp_path / "nothing"):
+    with pytest.raises(InputError, match="is no file"), opened(tmp_path / "nothing"):
         pass
 
 
@@ -173,7 +188,7 @@ def test_other_code_is_refused_unless_told(tmp_path):
         database.execute("UPDATE meta SET value = 'older' WHERE key = 'code'")
         database.execute("DELETE FROM trials WHERE trial = 1")
     database.close()
-    with pytest.raises(ScenarioError, match="other code or versions"):
+    with pytest.raises(InputError, match="other code or versions"):
         run(few, tmp_path, jobs=1, resume=True, work=WORK)
     assert run(few, tmp_path, jobs=1, resume=True, any_version=True, work=WORK).flown == 2
 
@@ -191,6 +206,6 @@ def test_trials_that_are_drawn_differently_now_are_refused(tmp_path):
     with sqlite3.connect(file) as database:
         database.execute("UPDATE trials SET scenario_hash = 'other' WHERE trial = 1")
     database.close()
-    with pytest.raises(ScenarioError, match="trial 1 is drawn differently"):
+    with pytest.raises(InputError, match="trial 1 is drawn differently"):
         run(few, tmp_path, jobs=1, resume=True, work=WORK)
     assert len(contents(file)) == len(before)

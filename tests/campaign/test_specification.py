@@ -9,7 +9,7 @@ from flipdiagram.campaign.checks import changes_of, check_estimate, estimated_ho
 from flipdiagram.campaign.conduct import _missing
 from flipdiagram.campaign.reading import parse
 from flipdiagram.campaign.tuning import load_tuning, tuning
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.flips.flips import Flip
 from flipdiagram.scenario.scenario import Scenario
 
@@ -26,7 +26,11 @@ trials: 8
 @pytest.mark.parametrize(
     ("change", "line", "words"),
     [
-        (("object.friction:", "object.fricton:"), 4, ["'object.fricton' does not exist", "did you mean 'object.friction'"]),
+        (
+            ("object.friction:", "object.fricton:"),
+            4,
+            ["'object.fricton' does not exist", "did you mean 'object.friction'"],
+        ),
         (("object.friction:", "frequency.gains:"), 4, ["frequency.gains", "does not exist"]),
         (("object.friction:", "one_dof.mass:"), 4, ["section III"]),
         (("[0.5, 2.0]", "[-0.5, 2.0]"), 4, ["'object.friction' = -0.5", "above 0"]),
@@ -57,11 +61,11 @@ trials: 8
         (("base: {task: {start_y: 0.02}}", "base: {joint_friction: {coulomb: 0.2}}"), 2, ["chatter"]),
         ((GOOD[GOOD.index("vary") : GOOD.index("sampler")], "vary: {}\n"), 3, ["vary"]),
     ],
-)  # fmt: skip
+)
 def test_an_error_is_one_line_with_the_line_of_the_file(change, line, words):
     text = GOOD.replace(*change)
     assert text != GOOD
-    with pytest.raises(ScenarioError) as caught:
+    with pytest.raises(InputError) as caught:
         from_text(text, "mine.yaml")
     assert "\n" not in str(caught.value)
     assert str(caught.value).startswith(f"campaign 'mine.yaml', line {line}: "), caught.value
@@ -71,12 +75,12 @@ def test_an_error_is_one_line_with_the_line_of_the_file(change, line, words):
 
 @pytest.mark.parametrize("text", ["", "[1, 2]", "5", "a: *b", "&a [*a]"])
 def test_what_is_no_mapping_is_refused(text):
-    with pytest.raises(ScenarioError, match=r"campaign 'mine.yaml'"):
+    with pytest.raises(InputError, match=r"campaign 'mine.yaml'"):
         from_text(text, "mine.yaml")
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(ScenarioError, match="cannot be read"):
+    with pytest.raises(InputError, match="cannot be read"):
         load_specification(tmp_path / "none.yaml")
 
 
@@ -134,7 +138,9 @@ def test_noise_of_a_trial_has_its_seed_whatever_the_architecture_unless_the_file
 
 def test_noise_that_cannot_be_is_refused_with_its_line():
     text = GOOD.replace("object.mass: {choice: [0.05, 0.06]}", "sensors.velocity_noise: {uniform: [-1.0, 1.0]}")
-    with pytest.raises(ScenarioError, match=r"line 5: .*'sensors.velocity_noise' = -1.0 is not valid; valid is .* at least 0"):
+    with pytest.raises(
+        InputError, match=r"line 5: .*'sensors.velocity_noise' = -1.0 is not valid; valid is .* at least 0"
+    ):
         from_text(text, "mine.yaml")
 
 
@@ -152,11 +158,13 @@ def test_a_list_is_scaled_element_by_element_and_fields_joined_by_a_comma_togeth
 
 
 def test_the_grid_has_all_combinations_and_needs_no_number_of_trials():
-    text = GOOD.replace("uniform: [0.5, 2.0]", "grid: [0.5, 1.0, 2.0]").replace("lhs", "grid").replace("trials: 8\n", "")
+    text = (
+        GOOD.replace("uniform: [0.5, 2.0]", "grid: [0.5, 1.0, 2.0]").replace("lhs", "grid").replace("trials: 8\n", "")
+    )
     found = from_text(text)
     assert found.trials == 6
     assert [found.trial(k).values for k in range(3)] == [(0.5, 0.05), (0.5, 0.06), (1.0, 0.05)]
-    with pytest.raises(ScenarioError, match="line 7.*trials = 8.*6, the product"):
+    with pytest.raises(InputError, match="line 7.*trials = 8.*6, the product"):
         from_text(text + "trials: 8")
 
 
@@ -171,7 +179,7 @@ def test_the_digest_changes_with_what_changes_a_result_only():
 def test_a_campaign_that_would_take_too_long_says_how_long_and_what_fits():
     found = from_text(GOOD.replace("trials: 8", "trials: 200000\nlimit_hours: 5"))
     assert estimated_hours(found, 1) == pytest.approx(2 * estimated_hours(found, 2))
-    with pytest.raises(ScenarioError) as caught:
+    with pytest.raises(InputError) as caught:
         check_estimate(found, 2)
     message = str(caught.value)
     assert "line 7" in message and "800000 flips" in message and "limit_hours is 5" in message and "--yes" in message
@@ -179,13 +187,16 @@ def test_a_campaign_that_would_take_too_long_says_how_long_and_what_fits():
     check_estimate(from_text(GOOD.replace("trials: 8", f"trials: {most}\nlimit_hours: 5")), 2)
 
 
-TUNE = QUIET + """
+TUNE = (
+    QUIET
+    + """
 tune:
   over:
     controller.k_p: {loguniform: [100, 1500]}
   budget: 90
   held_out: 10
 """
+)
 
 
 @pytest.mark.parametrize(
@@ -202,7 +213,7 @@ tune:
 )
 def test_an_error_in_the_section_of_the_tuner_has_its_line(change, line, words):
     source = parse(TUNE.replace(*change), "t.yaml")
-    with pytest.raises(ScenarioError) as caught:
+    with pytest.raises(InputError) as caught:
         tuning(source, from_text(source.text, "t.yaml"))
     assert f"line {line}: " in str(caught.value), caught.value
     for word in words:

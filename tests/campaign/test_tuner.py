@@ -112,5 +112,3 @@ def test_the_time_left_is_that_of_the_flips_that_are_missing(tmp_path):
         tune(*wanted(), tmp_path, jobs=2, work=GAINS, progress=said)
         assert len(lines) == expected
     assert not lines
-
-

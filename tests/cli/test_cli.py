@@ -105,7 +105,10 @@ def test_options_win_over_the_file_and_the_file_over_the_defaults(in_process, tm
 
 
 BAD = {
-    "no command": ([], "plan, flip, frequency, experiment, borders, replanning, place, campaign, report, diagram, info, scenario, completion"),
+    "no command": (
+        [],
+        "plan, flip, frequency, experiment, borders, replanning, place, campaign, report, diagram, info, scenario, completion",
+    ),
     "unknown command": (["flap"], "'flap'", "'flip'"),
     "unknown option": (["flip", "--fast"], "--fast"),
     "abbreviated option": (["flip", "--arch", "pd"], "--arch"),
@@ -162,7 +165,10 @@ def test_ctrl_c_ends_with_130_and_one_line(tmp_path):
     script = "import sys, time; from flipdiagram.cli import commands, main; commands.scenario = lambda *_: (print('in'), time.sleep(60))"
     script += "; sys.exit(main.main(['scenario']))"
     with subprocess.Popen(
-        [sys.executable, "-u", "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        [sys.executable, "-u", "-c", script],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
         preexec_fn=listen_to_ctrl_c,
     ) as process:
         assert process.stdout.readline() == "in\n"

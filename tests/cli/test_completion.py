@@ -8,7 +8,7 @@ import pytest
 
 from flipdiagram.cli.completion import SHELLS, script
 from flipdiagram.cli.options import COMMANDS, SHORT, parser
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, field_paths
 from flipdiagram.studies.borders.maps import maps_of
 from flipdiagram.studies.borders.run import VARIATIONS
@@ -46,7 +46,9 @@ def bash(scripts, tmp_path):
 @pytest.mark.parametrize("load", ['source <(cat "$1")', 'eval "$(cat "$1")"'])
 def test_bash_knows_the_function_that_completes(scripts, tmp_path, load):
     text = f"{load}; complete -p flipdiagram"
-    assert "-F _shtab_flipdiagram flipdiagram" in ask("bash", "--norc", "-c", text, "bash", scripts["bash"], folder=tmp_path)
+    assert "-F _shtab_flipdiagram flipdiagram" in ask(
+        "bash", "--norc", "-c", text, "bash", scripts["bash"], folder=tmp_path
+    )
 
 
 def test_commands(bash):
@@ -73,7 +75,9 @@ def test_maps_are_those_of_the_study(bash):
 
 
 def test_every_field_is_offered_to_every_command_that_takes_a_scenario(bash):
-    takers = {name for name, command in commands().items() if any(action.dest == "scenario" for action in command._actions)}
+    takers = {
+        name for name, command in commands().items() if any(action.dest == "scenario" for action in command._actions)
+    }
     assert {"plan", "flip", "scenario"} <= takers
     for name in takers:
         assert {word.removeprefix("--") for word in bash(name, "--") if "." in word} == set(field_paths()), name
@@ -105,7 +109,7 @@ def test_making_a_script_leaves_the_parser_of_the_command_line_alone(bash):
 
 
 def test_an_unknown_shell_names_the_known_ones():
-    with pytest.raises(ScenarioError, match="unknown shell 'tcsh'; choose from bash, zsh, fish"):
+    with pytest.raises(InputError, match="unknown shell 'tcsh'; choose from bash, zsh, fish"):
         script("tcsh")
 
 
@@ -118,7 +122,11 @@ def test_zsh_reads_its_script_and_registers_it(scripts, tmp_path):
 @pytest.mark.needs("fish")
 @pytest.mark.parametrize(
     ("line", "offered"),
-    [("fl", {"flip"}), ("flip --architecture pd+d", {"pd+dob"}), ("plan --controller.k_", {"--controller.k_p", "--controller.k_v"})],
+    [
+        ("fl", {"flip"}),
+        ("flip --architecture pd+d", {"pd+dob"}),
+        ("plan --controller.k_", {"--controller.k_p", "--controller.k_v"}),
+    ],
 )
 def test_fish_offers_the_same(scripts, tmp_path, line, offered):
     text = f'source "{scripts["fish"]}"; complete -C "flipdiagram {line}"'

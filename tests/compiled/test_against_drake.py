@@ -77,17 +77,47 @@ def test_a_loop_of_our_blocks_equals_the_simulator(nested):
 
 X, Y, Z = (Variable(name) for name in "xyz")
 EVERY_KIND = [
-    1.5 + 2.0 * X - 3.0 * Y - Z, X - Y, -X, -(X + Y), X * Y * -2.0, X * X, X * X * X, X / Y, Expression(0.25),
-    ds.abs(X), ds.exp(X), ds.log(2.0 + X * X), ds.sqrt(1.0 + Y * Y), ds.pow(X * X + 0.1, Y), ds.pow(X, Expression(4)),
-    ds.pow(1.5 + X * X, Expression(-1.5)), ds.sin(X), ds.cos(X), ds.tan(X), ds.asin(X / 5.0), ds.acos(X / 5.0),
-    ds.atan(X), ds.atan2(X, Y), ds.sinh(X), ds.cosh(X), ds.tanh(X), ds.floor(X * 3.0), ds.ceil(X * 3.0),
-    ds.min(X, Y), ds.max(X, Y), if_then_else(X > Y, X, Y), if_then_else(X >= 0.0, 1.0 * X, 2.0 * Y),
-    if_then_else(X < Y, Expression(1), Expression(2)), if_then_else(X <= 0.0, X * Y, X / Y),
-    if_then_else(X == Y, Expression(1), Expression(2)), if_then_else(X != Y, Expression(1), Expression(2)),
-    if_then_else(logical_and(X > 0.0, Y > 0.0, Z > 0.0), X, Z), if_then_else(logical_or(X > 1.0, Y > 1.0), X, Z),
+    1.5 + 2.0 * X - 3.0 * Y - Z,
+    X - Y,
+    -X,
+    -(X + Y),
+    X * Y * -2.0,
+    X * X,
+    X * X * X,
+    X / Y,
+    Expression(0.25),
+    ds.abs(X),
+    ds.exp(X),
+    ds.log(2.0 + X * X),
+    ds.sqrt(1.0 + Y * Y),
+    ds.pow(X * X + 0.1, Y),
+    ds.pow(X, Expression(4)),
+    ds.pow(1.5 + X * X, Expression(-1.5)),
+    ds.sin(X),
+    ds.cos(X),
+    ds.tan(X),
+    ds.asin(X / 5.0),
+    ds.acos(X / 5.0),
+    ds.atan(X),
+    ds.atan2(X, Y),
+    ds.sinh(X),
+    ds.cosh(X),
+    ds.tanh(X),
+    ds.floor(X * 3.0),
+    ds.ceil(X * 3.0),
+    ds.min(X, Y),
+    ds.max(X, Y),
+    if_then_else(X > Y, X, Y),
+    if_then_else(X >= 0.0, 1.0 * X, 2.0 * Y),
+    if_then_else(X < Y, Expression(1), Expression(2)),
+    if_then_else(X <= 0.0, X * Y, X / Y),
+    if_then_else(X == Y, Expression(1), Expression(2)),
+    if_then_else(X != Y, Expression(1), Expression(2)),
+    if_then_else(logical_and(X > 0.0, Y > 0.0, Z > 0.0), X, Z),
+    if_then_else(logical_or(X > 1.0, Y > 1.0), X, Z),
     if_then_else(logical_not(logical_or(X > 0.0, Y > 0.0)), X, Z),
     ds.sin(X * 2.0 + Y) * ds.sin(X * 2.0 + Y) + ds.exp(-X * X),
-]  # fmt: skip
+]
 
 
 def test_every_kind_of_expression_is_printed_and_equals_drakes_value():
@@ -114,10 +144,12 @@ def _grown(inner):
     steps = st.builds(lambda f, e: 0.25 * f(4.0 * e), st.sampled_from([ds.floor, ds.ceil]), inner)
     pairs = st.builds(
         lambda f, a, b: f(a, b),
-        st.sampled_from([ds.min, ds.max, lambda a, b: a + b, lambda a, b: a - b, lambda a, b: a * b,
-                         lambda a, b: a / (1.0 + b * b)]),
-        inner, inner,
-    )  # fmt: skip
+        st.sampled_from(
+            [ds.min, ds.max, lambda a, b: a + b, lambda a, b: a - b, lambda a, b: a * b, lambda a, b: a / (1.0 + b * b)]
+        ),
+        inner,
+        inner,
+    )
     choices = st.builds(lambda a, b, c, d: if_then_else(a > b, c, d), inner, inner, inner, inner)
     return smooth | steps | pairs | choices
 

@@ -5,7 +5,7 @@ import pytest
 from sampled_diagrams import PERIOD, PLANT_PARAMETERS, one_axis_loop, saturated_loop
 
 from flipdiagram.compiled import CompiledDiagram, compile_diagram
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 RNG = np.random.default_rng(3)
 N = 37
@@ -144,7 +144,7 @@ BAD = [
 
 @pytest.mark.parametrize(("arguments", "message"), BAD, ids=[message[:30] for _, message in BAD])
 def test_bad_arguments_are_named(axis, arguments, message):
-    with pytest.raises(ScenarioError, match=message):
+    with pytest.raises(InputError, match=message):
         axis.run(**{"ticks": 1, "inputs": COMMANDS, **arguments})
 
 
@@ -159,7 +159,7 @@ def test_bad_arguments_are_named(axis, arguments, message):
     ],
 )
 def test_bad_ties_are_named(tie, message):
-    with pytest.raises(ScenarioError, match=message):
+    with pytest.raises(InputError, match=message):
         compile_diagram(one_axis_loop(), tie=tie)
 
 

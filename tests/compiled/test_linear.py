@@ -9,18 +9,40 @@ from pydrake.symbolic import Expression, Variable, if_then_else
 from sampled_diagrams import PERIOD, PLANT_PARAMETERS, expressions_block, one_axis_loop, saturated_loop, single
 
 from flipdiagram.compiled import compile_diagram
-from flipdiagram.errors import MissingProgramError, ScenarioError
+from flipdiagram.errors import InputError, MissingProgramError
 
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
 
 X, Y, U = (Variable(name) for name in "xyu")
 SMOOTH = [
-    3.0 * X - Y * U, X * Y * U, X / (2.0 + Y * Y), -X * X * X, ds.exp(X * U), ds.log(3.0 + X), ds.sqrt(2.0 + Y),
-    ds.pow(2.0 + X, Y), ds.pow(2.0 + X, Expression(2.5)), ds.pow(X, Expression(4)), ds.sin(X * Y), ds.cos(X + U),
-    ds.tan(X), ds.asin(X / 3.0), ds.acos(Y / 3.0), ds.atan(X * U), ds.atan2(X, 2.0 + Y), ds.sinh(X), ds.cosh(Y),
-    ds.tanh(X * 2.0), ds.abs(X * Y), ds.min(X, Y), ds.max(X * U, Y), if_then_else(X > Y, X * X, Y * U),
-    ds.floor(10.0 * X) * Y, ds.ceil(U) * X, Expression(2.0),
-]  # fmt: skip
+    3.0 * X - Y * U,
+    X * Y * U,
+    X / (2.0 + Y * Y),
+    -X * X * X,
+    ds.exp(X * U),
+    ds.log(3.0 + X),
+    ds.sqrt(2.0 + Y),
+    ds.pow(2.0 + X, Y),
+    ds.pow(2.0 + X, Expression(2.5)),
+    ds.pow(X, Expression(4)),
+    ds.sin(X * Y),
+    ds.cos(X + U),
+    ds.tan(X),
+    ds.asin(X / 3.0),
+    ds.acos(Y / 3.0),
+    ds.atan(X * U),
+    ds.atan2(X, 2.0 + Y),
+    ds.sinh(X),
+    ds.cosh(Y),
+    ds.tanh(X * 2.0),
+    ds.abs(X * Y),
+    ds.min(X, Y),
+    ds.max(X * U, Y),
+    if_then_else(X > Y, X * X, Y * U),
+    ds.floor(10.0 * X) * Y,
+    ds.ceil(U) * X,
+    Expression(2.0),
+]
 
 
 @pytest.mark.parametrize("point", [(0.37, -0.52, 0.81), (-0.61, 0.44, -0.29)])
@@ -98,7 +120,7 @@ def test_restricting_leaves_out_what_no_output_sees():
     small = lin.restricted(outputs="out0[0]")
     assert small.poles() == [0.5] and small.C.shape == (1, 1) and small.input_names == ("in0",)
     assert (small.response(10.0) == lin.response(10.0, outputs="out0[0]")).all()
-    with pytest.raises(ScenarioError, match="unknown output 'z'; choose from out0"):
+    with pytest.raises(InputError, match="unknown output 'z'; choose from out0"):
         lin.response(1.0, outputs="z")
 
 
@@ -120,5 +142,5 @@ def test_without_python_control_the_message_says_how_to_get_it(monkeypatch):
 
 
 def test_an_operating_point_is_one_channel():
-    with pytest.raises(ScenarioError, match="of one channel; 2 were given"):
+    with pytest.raises(InputError, match="of one channel; 2 were given"):
         compile_diagram(saturated_loop()).linearize(state=np.zeros((2, 2)))

@@ -69,10 +69,14 @@ def simulated(diagram, ticks, step):
 def check_agreement(architecture, law, seed, ticks):
     rng = np.random.default_rng([seed, CASES.index((architecture, law))])
     one_dof = OneDof(
-        mass=rng.uniform(0.5, 3.0), k_p=rng.uniform(100.0, 2000.0), k_v=rng.uniform(20.0, 100.0),
-        g_dis=rng.uniform(5.0, 100.0), coulomb=rng.uniform(0.05, 1.0), viscous=rng.uniform(0.0, 0.5),
+        mass=rng.uniform(0.5, 3.0),
+        k_p=rng.uniform(100.0, 2000.0),
+        k_v=rng.uniform(20.0, 100.0),
+        g_dis=rng.uniform(5.0, 100.0),
+        coulomb=rng.uniform(0.05, 1.0),
+        viscous=rng.uniform(0.0, 0.5),
         nominal_mass_ratio=rng.uniform(0.3, 1.0),
-    )  # fmt: skip
+    )
     diagram = closed_loop(architecture, law, one_dof, rng.uniform(2.0, 60.0), rng.uniform(0.05, 1.0))
     expected, expected_force = simulated(diagram, ticks, one_dof.step)
     for vectorize in (False, True):

@@ -12,7 +12,7 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 from sampled_diagrams import PERIOD, PLANT_PARAMETERS, Stepper, expressions_block, one_axis_loop, saturated_loop, single
 
 from flipdiagram.compiled import CompiledDiagram, NotCompilable, SimulatedDiagram, compile_diagram
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
 
@@ -95,9 +95,9 @@ def test_the_reason_is_one_line_that_names_the_block(build, message):
 
 
 def test_what_is_no_system_is_a_bad_input():
-    with pytest.raises(ScenarioError, match="str is no System"):
+    with pytest.raises(InputError, match="str is no System"):
         compile_diagram("diagram")
-    with pytest.raises(ScenarioError, match="check = -1"):
+    with pytest.raises(InputError, match="check = -1"):
         compile_diagram(saturated_loop(), check=-1)
 
 
@@ -148,9 +148,9 @@ def test_a_diagram_without_compiled_form_falls_back_to_the_simulator():
 
 def test_several_periods_fall_back_with_a_tick_of_the_callers():
     diagram = held(Gain(2.0, 1), "gain", 0.125, 0.25)
-    with pytest.raises(ScenarioError, match="several periods.*give the period of a tick"):
+    with pytest.raises(InputError, match="several periods.*give the period of a tick"):
         compile_diagram(diagram, fallback=True)
     simulated = compile_diagram(diagram, fallback=True, period=0.125)
     assert simulated.run(4, inputs={"in0": 3.0}).final.tolist() == [[6.0, 6.0]]
-    with pytest.raises(ScenarioError, match="period = 0.0"):
+    with pytest.raises(InputError, match="period = 0.0"):
         compile_diagram(diagram, fallback=True, period=0.0)

@@ -25,14 +25,36 @@ RNG = np.random.default_rng(11)
 N = 37
 X, Y, Z = (Variable(name) for name in "xyz")
 TO_THE_BIT = [
-    1.5 + 2.0 * X - 3.0 * Y - Z, -(X + Y), X * Y * -2.0, X * X * X, X / Y, ds.abs(X), ds.sqrt(1.0 + Y * Y),
-    ds.log(2.0 + X * X), ds.pow(X * X + 0.1, Y), ds.tan(X), ds.asin(X / 5.0), ds.acos(X / 5.0), ds.atan(X),
-    ds.atan2(X, Y), ds.sinh(X), ds.cosh(X), ds.floor(X * 3.0), ds.ceil(X * 3.0), ds.min(X, Y), ds.max(X, Y),
-    if_then_else(X > Y, X, Y), if_then_else(X >= 0.0, 1.0 * X, 2.0 * Y), if_then_else(X == Y, Z, Expression(2)),
-    if_then_else(X != Y, Z, Expression(2)), if_then_else(X <= 0.0, X * Y, X / Y), if_then_else(X < Y, Y, 3.0 * Y),
-    if_then_else(logical_and(X > 0.0, Y > 0.0), X, Z), if_then_else(logical_or(X > 1.0, Y > 1.0), X, Z),
+    1.5 + 2.0 * X - 3.0 * Y - Z,
+    -(X + Y),
+    X * Y * -2.0,
+    X * X * X,
+    X / Y,
+    ds.abs(X),
+    ds.sqrt(1.0 + Y * Y),
+    ds.log(2.0 + X * X),
+    ds.pow(X * X + 0.1, Y),
+    ds.tan(X),
+    ds.asin(X / 5.0),
+    ds.acos(X / 5.0),
+    ds.atan(X),
+    ds.atan2(X, Y),
+    ds.sinh(X),
+    ds.cosh(X),
+    ds.floor(X * 3.0),
+    ds.ceil(X * 3.0),
+    ds.min(X, Y),
+    ds.max(X, Y),
+    if_then_else(X > Y, X, Y),
+    if_then_else(X >= 0.0, 1.0 * X, 2.0 * Y),
+    if_then_else(X == Y, Z, Expression(2)),
+    if_then_else(X != Y, Z, Expression(2)),
+    if_then_else(X <= 0.0, X * Y, X / Y),
+    if_then_else(X < Y, Y, 3.0 * Y),
+    if_then_else(logical_and(X > 0.0, Y > 0.0), X, Z),
+    if_then_else(logical_or(X > 1.0, Y > 1.0), X, Z),
     if_then_else(logical_not(logical_or(X > 0.0, Y > 0.0)), X, Z),
-]  # fmt: skip
+]
 TO_ROUNDING = [ds.sin(X * 2.0 + Y), ds.cos(X) * ds.sin(X), ds.exp(-X * X), ds.tanh(X / 2.0), ds.sin(ds.exp(Y))]
 
 
@@ -59,8 +81,9 @@ def test_without_own_functions_all_is_equal_to_the_bit_whatever_lengths_logs_and
     given = {
         "parameters": {"pd.0": RNG.uniform(400, 900, N), "plant.0": np.c_[RNG.uniform(1, 3, N), RNG.uniform(-9, 9, N)]},
         "inputs": {"x_cmd": RNG.uniform(-0.1, 0.1, (N, 60)), "v_cmd": 0.0, "a_cmd": RNG.uniform(-1, 1, (1, 9))},
-        "start": RNG.integers(0, 1000, N), "threads": threads,
-    }  # fmt: skip
+        "start": RNG.integers(0, 1000, N),
+        "threads": threads,
+    }
     lengths = RNG.integers(0, 300, N)
     for ticks, more in ((lengths, {}), (lengths, {"log": ["x", "plant", "f"], "every": 7}), (250, {"log": ["f"]})):
         one, two = (c.run(ticks, **given, **more) for c in (exact, vectors))

@@ -5,7 +5,7 @@ import pytest
 
 from flipdiagram.diagrams.controller import nominal_inertia
 from flipdiagram.diagrams.loop import build_loop
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 
@@ -117,14 +117,12 @@ def test_nominal_inertia_is_the_scenarios_or_that_of_the_start_pose():
     arm = arm_of(scenario)
     np.testing.assert_array_equal(nominal_inertia(scenario, arm, arm.home), np.diag(arm.mass_matrix(arm.home)))
     given = [0.5, 1.5, 0.8, 0.4, 0.5, 0.01]
-    changed = scenario.with_overrides(
-        {"controller.nominal_inertia": given, "controller.nominal_inertia_scale": 2.0}
-    )
+    changed = scenario.with_overrides({"controller.nominal_inertia": given, "controller.nominal_inertia_scale": 2.0})
     np.testing.assert_array_equal(nominal_inertia(changed, arm, arm.home), 2 * np.array(given))
 
 
 def test_an_unknown_architecture_is_refused_by_name():
-    with pytest.raises(ScenarioError, match=r"unknown architecture 'pid'; choose from pd, pd\+ff"):
+    with pytest.raises(InputError, match=r"unknown architecture 'pid'; choose from pd, pd\+ff"):
         build_loop(Scenario(), "pid")
 
 

@@ -10,7 +10,7 @@ from pydrake.systems.analysis import Simulator
 
 from flipdiagram.diagrams.controller import nominal_inertia
 from flipdiagram.diagrams.loop import build_loop
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.planning import plan_motion
 from flipdiagram.robot.parts import add_parts, arm_of
 from flipdiagram.scenario import text as scenario_io
@@ -53,8 +53,9 @@ class AtRest:
         if observer is not None:
             self.tau_dis = observer.GetOutputPort("tau_dis").Eval(observer.GetMyContextFromRoot(context))
         assert np.abs(self.qd).max() < 2e-4
-        self.error = self.arm.task_position_velocity(self.q, self.qd)[0] - (
-            self.arm.task_position_velocity(self.q_start, self.qd)[0]
+        self.error = (
+            self.arm.task_position_velocity(self.q, self.qd)[0]
+            - (self.arm.task_position_velocity(self.q_start, self.qd)[0])
         )
 
     def weight(self, mass, frame):
@@ -221,12 +222,12 @@ BAD = [
 @pytest.mark.parametrize(("path", "value"), BAD)
 def test_a_value_that_makes_no_sense_is_refused_by_the_name_of_its_field(path, value):
     assert path in scenario_io.field_paths(Scenario)
-    with pytest.raises(ScenarioError, match=path):
+    with pytest.raises(InputError, match=path):
         Scenario().with_overrides({path: value})
 
 
 @pytest.mark.parametrize("field", ["link_inertia_scales", "reflected_inertia_scales"])
 def test_as_many_scales_as_joints_are_needed(field):
     scenario = Scenario().with_overrides({f"arm.{field}": (1.0, 2.0)})
-    with pytest.raises(ScenarioError, match=rf"{field} = .* has 2 entries; valid is one per joint"):
+    with pytest.raises(InputError, match=rf"{field} = .* has 2 entries; valid is one per joint"):
         build_loop(scenario)

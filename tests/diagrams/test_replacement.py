@@ -6,7 +6,7 @@ from pydrake.systems.framework import LeafSystem
 
 from flipdiagram.blocks.pd import ProportionalDerivative
 from flipdiagram.diagrams.loop import build_loop
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.planning import plan_motion
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.simulate import simulate
@@ -21,9 +21,14 @@ class Box(LeafSystem):
         super().__init__()
         self.ports = {name: self.DeclareVectorInputPort(name, size) for name, size in inputs.items()}
         for name, size in outputs.items():
-            self.DeclareVectorOutputPort(name, size, lambda context, output, size=size: output.set_value(
-                gain * sum((port.Eval(context) for port in self.ports.values() if port.size() == size), np.zeros(size))
-            ))  # fmt: skip
+            self.DeclareVectorOutputPort(
+                name,
+                size,
+                lambda context, output, size=size: output.set_value(
+                    gain
+                    * sum((port.Eval(context) for port in self.ports.values() if port.size() == size), np.zeros(size))
+                ),
+            )
 
 
 @pytest.fixture(scope="module")
@@ -69,19 +74,29 @@ def test_a_controller_that_does_nothing_drops_everything(plan):
 
 
 MISFITS = {
-    "absent box": ("pd", {"disturbance_observer": Box({}, {})}, "'pd' has no box 'disturbance_observer'", "tool_kinematics"),
+    "absent box": (
+        "pd",
+        {"disturbance_observer": Box({}, {})},
+        "'pd' has no box 'disturbance_observer'",
+        "tool_kinematics",
+    ),
     "the mpc": ("pd", {"mpc": Box({}, {})}, "no box 'mpc'", "choose from pd"),
-    "missing output": ("pd", {"pd": Box({"x": 6}, {"force": 6})}, "box for 'pd' has no output port 'a_ref' but force", "a_ref of size 6"),
+    "missing output": (
+        "pd",
+        {"pd": Box({"x": 6}, {"force": 6})},
+        "box for 'pd' has no output port 'a_ref' but force",
+        "a_ref of size 6",
+    ),
     "output of another size": ("pd", {"pd": Box({"x": 6}, {"a_ref": 3})}, "'a_ref' of size 3", "valid is 6"),
     "input of another size": ("pd", {"pd": Box({"x": 3}, {"a_ref": 6})}, "'x' has size 3", "valid is 6"),
     "unknown input": ("pd", {"pd": Box({"u": 6}, {"a_ref": 6})}, "input port 'u', which is no signal", "x_cmd, v_cmd"),
     "no system": ("pd", {"pd": 3}, "'pd' = 3 is no Drake System", ""),
     "algebraic loop": ("pd", {"pd": Box({"tau": 6}, {"a_ref": 6})}, "pd closes an algebraic loop", ""),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("architecture", "replace", "what", "valid"), MISFITS.values(), ids=MISFITS)
 def test_a_box_that_does_not_fit_is_refused_by_port(architecture, replace, what, valid):
-    with pytest.raises(ScenarioError) as refused:
+    with pytest.raises(InputError) as refused:
         build_loop(SHORT, architecture, replace=replace)
     assert what in str(refused.value) and valid in str(refused.value) and "\n" not in str(refused.value)

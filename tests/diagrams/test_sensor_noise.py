@@ -9,7 +9,7 @@ from diagrams.test_controller import edges
 from flipdiagram.blocks.noise import white_noise
 from flipdiagram.diagrams.controller import nominal_inertia
 from flipdiagram.diagrams.loop import build_loop
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.planning import plan_motion
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import Scenario, from_yaml
@@ -116,7 +116,7 @@ def test_the_controller_answers_to_the_state_with_the_noise_of_that_tick(delay, 
     ],
 )
 def test_a_value_that_makes_no_sense_is_one_line(text, words):
-    with pytest.raises(ScenarioError) as caught:
+    with pytest.raises(InputError) as caught:
         from_yaml(text)
     assert "\n" not in str(caught.value)
     for word in words:

@@ -16,7 +16,7 @@ from pydrake.systems.primitives import Adder, Gain, Integrator, LogVectorOutput,
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.diagrams.one_dof import build_controller, build_experiment, build_open
 from flipdiagram.drawing import draw
-from flipdiagram.errors import MissingProgramError, ScenarioError
+from flipdiagram.errors import InputError, MissingProgramError
 from flipdiagram.scenario.one_dof import OneDof
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 
@@ -51,7 +51,11 @@ def users_diagram():
     outer.ExportOutput(integrator.get_output_port(), "y")
     builder = DiagramBuilder()
     plant = builder.AddNamedSystem('outer "end"', outer.Build())
-    error, minus, unnamed = builder.AddSystem(Adder(2, 1)), builder.AddSystem(Gain(-1.0, 1)), builder.AddSystem(Gain(3.0, 1))
+    error, minus, unnamed = (
+        builder.AddSystem(Adder(2, 1)),
+        builder.AddSystem(Gain(-1.0, 1)),
+        builder.AddSystem(Gain(3.0, 1)),
+    )
     held = builder.AddNamedSystem("end", ZeroOrderHold(0.01, 1))
     builder.ExportInput(error.get_input_port(0), "reference")
     builder.Connect(plant.get_output_port(), unnamed.get_input_port())
@@ -150,9 +154,13 @@ def test_the_main_path_runs_from_left_to_right_and_feedback_back():
     assert {(line.source[-1], line.target[-1]) for line in lines if line.main} == set(pairwise(main))
     back = {(line.source[-1], line.target[-1]) for line in lines if line.backward}
     assert back == {
-        ("tool_kinematics", "pd"), ("robot", "tool_kinematics"), ("robot", "inverse_jacobian"),
-        ("robot", "disturbance_observer"), ("torque_limit", "disturbance_observer"), ("disturbance_observer", "tau_sum"),
-    }  # fmt: skip
+        ("tool_kinematics", "pd"),
+        ("robot", "tool_kinematics"),
+        ("robot", "inverse_jacobian"),
+        ("robot", "disturbance_observer"),
+        ("torque_limit", "disturbance_observer"),
+        ("disturbance_observer", "tau_sum"),
+    }
 
 
 def test_the_one_dof_loop_closed_and_open(experiment):
@@ -223,8 +231,13 @@ def test_rates_ports_and_feedthrough(loop):
 def test_rates_in_markdown_and_on_the_boxes():
     drawing = draw(users_diagram(), rates=True, depth=9)
     assert [row.timing.text for row in drawing.rates()] == [
-        "direct (no state)", "continuous", "direct (no state)", "direct (no state)", "direct (no state)", "every 0.01 s",
-    ]  # fmt: skip
+        "direct (no state)",
+        "continuous",
+        "direct (no state)",
+        "direct (no state)",
+        "direct (no state)",
+        "every 0.01 s",
+    ]
     lines = drawing.rates().to_markdown().splitlines()
     assert lines[-1] == "| end | ZeroOrderHold | every 0.01 s | u (1) | y (1) | none |"
     assert len({line.count("|") for line in lines}) == 1
@@ -354,20 +367,20 @@ def test_a_large_diagram_is_left_to_graphviz():
 
 @pytest.mark.parametrize("depth", [-1, 1.5, True, "1", None])
 def test_a_bad_depth_is_refused(depth, experiment):
-    with pytest.raises(ScenarioError, match=r"depth = .*; valid is a whole number >= 0"):
+    with pytest.raises(InputError, match=r"depth = .*; valid is a whole number >= 0"):
         draw(experiment, depth=depth)
 
 
 def test_bad_groups_suffixes_and_objects_are_refused(experiment, tmp_path):
-    with pytest.raises(ScenarioError, match="group 'g' names system 'nobody'; choose from plant, command"):
+    with pytest.raises(InputError, match="group 'g' names system 'nobody'; choose from plant, command"):
         draw(experiment, groups={"g": ["nobody"]})
-    with pytest.raises(ScenarioError, match="system 'plant' is in groups 'a' and 'b'; one is valid"):
+    with pytest.raises(InputError, match="system 'plant' is in groups 'a' and 'b'; one is valid"):
         draw(experiment, groups={"a": ["plant"], "b": ["plant"]})
-    with pytest.raises(ScenarioError, match="group 'noise' has the name of a system outside it"):
+    with pytest.raises(InputError, match="group 'noise' has the name of a system outside it"):
         draw(experiment, groups={"noise": ["plant"]})
-    with pytest.raises(ScenarioError, match=r"has the suffix '.pdf'; choose from .dot, .svg, .png, .mmd, .md"):
+    with pytest.raises(InputError, match=r"has the suffix '.pdf'; choose from .dot, .svg, .png, .mmd, .md"):
         draw(experiment).save(tmp_path / "a.pdf")
-    with pytest.raises(ScenarioError, match="cannot draw a Gain; valid is a Drake Diagram or a Loop"):
+    with pytest.raises(InputError, match="cannot draw a Gain; valid is a Drake Diagram or a Loop"):
         draw(Gain(1.0, 1))
     assert isinstance(experiment, Diagram)
 

@@ -6,7 +6,7 @@ import pytest
 from matplotlib.figure import Figure
 from synthetic import DROP, RELEASE, recording, recordings
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.figures import motion as figures
 from flipdiagram.planning.plan import Plan
 from flipdiagram.scenario.scenario import ARCHITECTURES
@@ -20,9 +20,21 @@ def a_plan():
     v = np.vstack([np.zeros(3), np.cumsum(inputs, axis=0) * 0.1])
     x = np.vstack([np.zeros(3), np.cumsum(v[:-1] * 0.1 + inputs * 0.005, axis=0)])
     return Plan(
-        sampling_time=0.1, n_contact=4, n_flight=2, n_brake=3, states=np.hstack([x, v]), inputs=inputs, cost=1.0,
-        residual=0.0, max_sliding_angle=0.5, friction_angle=1.0, limit_use={}, solver="none", iterations=1, solve_time=0.0,
-    )  # fmt: skip
+        sampling_time=0.1,
+        n_contact=4,
+        n_flight=2,
+        n_brake=3,
+        states=np.hstack([x, v]),
+        inputs=inputs,
+        cost=1.0,
+        residual=0.0,
+        max_sliding_angle=0.5,
+        friction_angle=1.0,
+        limit_use={},
+        solver="none",
+        iterations=1,
+        solve_time=0.0,
+    )
 
 
 def all_axes():
@@ -127,7 +139,9 @@ def test_plan_passes_through_its_samples(drawn):
     for row, values in enumerate((plan.states[:, :3], plan.states[:, 3:])):
         for column in range(3):
             (line,) = lines_named([axes[3 * row + column]], "tool")
-            np.testing.assert_allclose(np.interp(plan.t[:-1], line.get_xdata(), line.get_ydata()), values[:-1, column], atol=2e-3)
+            np.testing.assert_allclose(
+                np.interp(plan.t[:-1], line.get_xdata(), line.get_ydata()), values[:-1, column], atol=2e-3
+            )
     assert all(line.get_xdata()[0] == pytest.approx(0.6) for line in lines_named(axes, "touch-down"))
 
 
@@ -142,7 +156,7 @@ def test_a_part_of_the_architectures_can_be_drawn_into_given_axes():
 
 
 def test_unknown_architecture_is_named_with_the_valid_ones():
-    with pytest.raises(ScenarioError, match=r"unknown architecture 'pid'; choose from pd, pd\+ff, pd\+dob, pd\+ff\+dob"):
+    with pytest.raises(InputError, match=r"unknown architecture 'pid'; choose from pd, pd\+ff, pd\+dob, pd\+ff\+dob"):
         figures.plot_torques({"pid": recording("pd")})
 
 
@@ -174,7 +188,7 @@ def test_saving_replaces_whole_files_or_nothing(tmp_path):
     assert [path.name for path in written] == ["figure.png", "figure.svg"]
     assert written[0].read_bytes().startswith(b"\x89PNG")
     (tmp_path / "file").write_text("no folder")
-    with pytest.raises(ScenarioError, match="cannot write"):
+    with pytest.raises(InputError, match="cannot write"):
         figures.save(ax.figure, tmp_path / "file" / "figure")
     broken = SimpleNamespace(savefig=lambda *a, **k: (_ for _ in ()).throw(RuntimeError("no")))
     with pytest.raises(RuntimeError):

@@ -175,7 +175,11 @@ def test_the_sources_are_there():
 def test_an_outcome_comes_back_as_it_was(touchdown):
     nan = float("nan")
     numbers = dict(
-        zip((field.name for field in fields(FlipMetrics)), itertools.cycle([0.1 + 0.2, 1 / 3, nan, 5e-324, -0.0, 7.0]), strict=False)
+        zip(
+            (field.name for field in fields(FlipMetrics)),
+            itertools.cycle([0.1 + 0.2, 1 / 3, nan, 5e-324, -0.0, 7.0]),
+            strict=False,
+        )
     )
     said = {"architecture": "pd", "success": False, "failure": "dropped", "touchdown": touchdown}
     found = FlipMetrics(**numbers | said | {"max_torque_Nm": [1.0, 2.0]})
@@ -278,9 +282,20 @@ def test_a_recording_that_is_gone_or_anothers_is_run_again(outcomes, flips, fold
 
 
 COMMAND = [
-    sys.executable, "-m", "flipdiagram.cli.main", "experiment", "--starts", "0", "--architecture", "pd", "pd+ff+dob",
-    "--simulation.hold_time", "0.2", "--simulation.settle_time", "0.1",
-]  # fmt: skip
+    sys.executable,
+    "-m",
+    "flipdiagram.cli.main",
+    "experiment",
+    "--starts",
+    "0",
+    "--architecture",
+    "pd",
+    "pd+ff+dob",
+    "--simulation.hold_time",
+    "0.2",
+    "--simulation.settle_time",
+    "0.1",
+]
 
 
 def without_times(value):
@@ -294,8 +309,9 @@ def finished(folder):
         return {}
     connection = sqlite3.connect(f"file:{folder / 'runs.sqlite'}?mode=ro", uri=True, timeout=5)
     try:
-        return {key: (seconds, text) for _, key, _, _, text, seconds in
-                connection.execute("SELECT rowid, * FROM flips")}  # fmt: skip
+        return {
+            key: (seconds, text) for _, key, _, _, text, seconds in connection.execute("SELECT rowid, * FROM flips")
+        }
     except sqlite3.OperationalError:  # the table is not there yet
         return {}
     finally:
@@ -305,7 +321,10 @@ def finished(folder):
 def test_a_killed_command_goes_on_where_it_was(tmp_path):
     killed, undisturbed = tmp_path / "killed", tmp_path / "undisturbed"
     process = subprocess.Popen(
-        [*COMMAND, "--jobs", "1", "--out", str(killed)], stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True
+        [*COMMAND, "--jobs", "1", "--out", str(killed)],
+        stderr=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        start_new_session=True,
     )
     until = time.monotonic() + 60
     while len(before := finished(killed)) < 1:

@@ -81,7 +81,9 @@ def kill_all(out):
             os._exit(0)
         deadline = time.monotonic() + 60
         wanted = len(kept) + dice.randrange(2)
-        while time.monotonic() < deadline and (count(killed) < turn or len(finished(folder / "campaign.sqlite")) < wanted):
+        while time.monotonic() < deadline and (
+            count(killed) < turn or len(finished(folder / "campaign.sqlite")) < wanted
+        ):
             time.sleep(0.02)
         time.sleep(dice.uniform(0.0, 0.4))  # less than a flip
         os.kill(driver, signal.SIGKILL)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.flips import store as module
 from flipdiagram.flips.store import VERSION, Store
 
@@ -91,7 +91,7 @@ def test_two_stores_that_open_a_new_file_at_once_both_get_it(tmp_path):
 
 
 def refused(path, *words):
-    with pytest.raises(ScenarioError) as caught, Store(path) as store:
+    with pytest.raises(InputError) as caught, Store(path) as store:
         store.outcome("a")
         store.put_outcome("a", *ROW)
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)
@@ -127,7 +127,7 @@ def test_a_file_with_a_damaged_page_is_refused(tmp_path):
     data = bytearray(path.read_bytes())
     data[4096:] = b"\xff" * (len(data) - 4096)  # all but the first page
     path.write_bytes(bytes(data))
-    with pytest.raises(ScenarioError, match="malformed"), Store(path) as store:
+    with pytest.raises(InputError, match="malformed"), Store(path) as store:
         for k in range(200):
             store.outcome(f"{k:04d}")
 
@@ -137,7 +137,7 @@ def test_a_full_disk_is_one_line_and_what_was_finished_stays(tmp_path):
     with Store(path) as store:
         store.put_outcome("first", *ROW)
         store._database.execute("PRAGMA max_page_count = 8")
-        with pytest.raises(ScenarioError, match="full"):
+        with pytest.raises(InputError, match="full"):
             for k in range(100):
                 store.put_outcome(f"k{k}", "pd", "", "x" * 4000, 0.0)
         assert store.outcome("first") == ROW[2]

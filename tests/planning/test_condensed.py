@@ -8,7 +8,7 @@ import pytest
 from pydrake.solvers import ClarabelSolver, MathematicalProgram
 from scipy.optimize import nnls
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.planning import Planner, active_set
 from flipdiagram.planning.condensed import CondensedProgram, unit_smoothing_basis
 from flipdiagram.planning.convexification import GROUPS, Convexification
@@ -61,7 +61,9 @@ def reference(planner):
 
 def copy_of(rows):
     other = Rows()
-    other.__dict__.update({name: value.copy() if isinstance(value, list) else value for name, value in rows.__dict__.items()})
+    other.__dict__.update(
+        {name: value.copy() if isinstance(value, list) else value for name, value in rows.__dict__.items()}
+    )
     return other
 
 
@@ -71,18 +73,24 @@ def objective(planner, w, n_flight):
     states, inputs = layout.unpack(w)
     matrix, offset = flight(n_flight * settings.sampling_time)
     jumps = np.diff(np.vstack([np.zeros(3), inputs, np.zeros(3)]), axis=0) * [1, 1, LEVER]
-    return planner.horizons.cost(matrix @ states[layout.release] + offset) + settings.smoothing / settings.sampling_time * np.sum(jumps**2)
+    return planner.horizons.cost(
+        matrix @ states[layout.release] + offset
+    ) + settings.smoothing / settings.sampling_time * np.sum(jumps**2)
 
 
 def assert_same(planner, found, expected, n_flight):
     assert found.success and expected.success
     cost = objective(planner, expected.w, n_flight)
     assert objective(planner, found.w, n_flight) == pytest.approx(cost, rel=1e-8, abs=1e-8)
-    np.testing.assert_allclose(found.w / planner.horizons.layout.units(), expected.w / planner.horizons.layout.units(), atol=1e-5)
+    np.testing.assert_allclose(
+        found.w / planner.horizons.layout.units(), expected.w / planner.horizons.layout.units(), atol=1e-5
+    )
     assert found.residual < 1e-9 and found.status == expected.status == "kSolutionFound"
 
 
-def test_every_linearisation_of_a_plan_has_the_solution_that_clarabel_finds(planner, linearisations, condensed, reference):
+def test_every_linearisation_of_a_plan_has_the_solution_that_clarabel_finds(
+    planner, linearisations, condensed, reference
+):
     for arguments in linearisations:
         for program in (condensed, reference):
             program.update(*arguments)
@@ -138,7 +146,9 @@ def test_the_solution_meets_the_optimality_conditions(planner, linearisations, c
     samples = np.arange(layout.release - n_contact + 1, layout.intervals + 1)
     theta, (a, upper) = layout.x(samples, 2), rows.matrix(layout.size)
     matrix = np.vstack([a @ m, m[theta], -m[theta]])
-    limit = np.concatenate([upper - a @ offset, near[samples, 2] + trust - offset[theta], trust - near[samples, 2] + offset[theta]])
+    limit = np.concatenate(
+        [upper - a @ offset, near[samples, 2] + trust - offset[theta], trust - near[samples, 2] + offset[theta]]
+    )
     released = slice(9 * layout.release, 9 * layout.release + 6)
     equal = np.vstack([row @ m[released], m[-3:]])
     missed = equal @ (inputs / unit) - np.append(bound - row @ offset[released], -offset[-3:])
@@ -230,7 +240,9 @@ def test_the_motion_settles_where_it_does_with_clarabel(scenario, arm, plan):
     outcomes = []
     for solver in ("clarabel", "daqp"):
         horizons, settings = Convexification(scenario, arm), scenario.planner
-        horizons._program = make_program(horizons.layout, settings.sampling_time, horizons.cost, settings.smoothing, solver)
+        horizons._program = make_program(
+            horizons.layout, settings.sampling_time, horizons.cost, settings.smoothing, solver
+        )
         outcomes.append(horizons.settle(horizons.guess(plan.n_contact, plan.n_flight), 1e-4, 30))
     a, b = outcomes
     assert a.settled and b.settled and b.cost == pytest.approx(a.cost, rel=1e-5)
@@ -245,7 +257,9 @@ def test_the_engine_is_chosen_by_name(planner, monkeypatch):
     assert isinstance(make_program(*arguments, "daqp", GROUPS), HorizonProgram)
     monkeypatch.setitem(sys.modules, "daqp", None)
     active_set.load_daqp.cache_clear()
-    with pytest.raises(ScenarioError, match=r"'planner.solver' = 'daqp' needs .* pip install 'flipdiagram\[fast\]'") as error:
+    with pytest.raises(
+        InputError, match=r"'planner.solver' = 'daqp' needs .* pip install 'flipdiagram\[fast\]'"
+    ) as error:
         make_program(*arguments, "daqp")
     assert "\n" not in str(error.value)
     with pytest.raises(ValueError, match="update"):

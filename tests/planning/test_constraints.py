@@ -100,10 +100,16 @@ def test_contact_is_kept_at_both_ends_of_every_interval(point):
         off = np.where(np.isnan(off), torque, off)
         return np.concatenate([force - off, force + off])
 
-    agree(constraints.contact_rows, point, {
-        constraints.FRICTION: friction, constraints.NORMAL: normal, constraints.SUPPORT: support,
-        constraints.RELEASE: lambda states, _: states[[R], 2] - np.pi / 2 - PLANNER.release_angle,
-    })  # fmt: skip
+    agree(
+        constraints.contact_rows,
+        point,
+        {
+            constraints.FRICTION: friction,
+            constraints.NORMAL: normal,
+            constraints.SUPPORT: support,
+            constraints.RELEASE: lambda states, _: states[[R], 2] - np.pi / 2 - PLANNER.release_angle,
+        },
+    )
 
 
 @given(point=trajectories())
@@ -186,9 +192,12 @@ def test_depth_of_the_lowest_corner_against_hand_worked_values():
     geometry = Geometry(half_length=0.03, half_thickness=0.01, half_blade=0.05, blade_thickness=0.002)
     root = np.sqrt(0.5)
     for theta, depth, slope in (
-        (0.0, 0.01, 0.03), (np.pi, 0.01, -0.03), (np.pi / 2, 0.03, -0.01),
-        (np.pi / 4, 0.04 * root, 0.02 * root), (3 * np.pi / 4, 0.04 * root, -0.02 * root),
-    ):  # fmt: skip
+        (0.0, 0.01, 0.03),
+        (np.pi, 0.01, -0.03),
+        (np.pi / 2, 0.03, -0.01),
+        (np.pi / 4, 0.04 * root, 0.02 * root),
+        (3 * np.pi / 4, 0.04 * root, -0.02 * root),
+    ):
         # lying flat or standing the corner changes: either side's slope may be meant
         found = geometry.depth(theta)
         assert found[0] == pytest.approx(depth, abs=1e-15)
@@ -207,8 +216,13 @@ def test_gyration_is_that_of_a_homogeneous_box():
 def test_what_is_before_the_departure_enters_no_row(n_contact):
     point = Trajectory(np.zeros((N + 1, 6)), np.zeros((N, 3)), n_contact, 2, DT)
     rows = Rows()
-    for build in (constraints.contact_rows, constraints.workspace_rows, constraints.clearance_rows,
-                  constraints.separation_rows, constraints.flight_rows):  # fmt: skip
+    for build in (
+        constraints.contact_rows,
+        constraints.workspace_rows,
+        constraints.clearance_rows,
+        constraints.separation_rows,
+        constraints.flight_rows,
+    ):
         build(rows, LAYOUT, point, SCENARIO)
     departure = 9 * (R - n_contact)
     assert rows.matrix(LAYOUT.size)[0][:, :departure].nnz == 0

@@ -20,7 +20,9 @@ def random_motion(arm: ArmModel, seed: int):
     rng = np.random.default_rng(seed)
     count = LAYOUT.intervals - FIRST + 1
     states = np.empty((count, 6))
-    states[:, :3] = rng.uniform([-0.15, 0.25, 0], [0.15, 0.45, 2.3]) + np.cumsum(rng.normal(0, 0.02, (count, 3)), axis=0)
+    states[:, :3] = rng.uniform([-0.15, 0.25, 0], [0.15, 0.45, 2.3]) + np.cumsum(
+        rng.normal(0, 0.02, (count, 3)), axis=0
+    )
     states[:, 3:] = rng.uniform(-1, 1, (count, 3)) * [1, 1, 6]
     inputs = rng.uniform(-1, 1, (count - 1, 3)) * [15, 15, 100]
     return states, inputs, arm.inverse_kinematics(limits.task_pose(states[0], X))
@@ -43,7 +45,9 @@ def test_joint_motion_is_what_the_arm_says(arm, seed):
     for k in range(len(inputs)):
         for end in (0, 1):
             q, qd, tau = joints(arm, states[k + end], inputs[k], motion.q[k + end])
-            np.testing.assert_allclose(arm.task_position(motion.q[k + end]), limits.task_pose(states[k + end], X), atol=1e-8)
+            np.testing.assert_allclose(
+                arm.task_position(motion.q[k + end]), limits.task_pose(states[k + end], X), atol=1e-8
+            )
             np.testing.assert_allclose(motion.qd[k + end], qd, atol=1e-6)
             np.testing.assert_allclose(motion.torque[end, k], tau, atol=1e-5)
 
@@ -113,7 +117,9 @@ def test_rows_keep_to_the_allowed_shares_of_the_limits(arm):
     shares = allowed.shares(arm)
     np.testing.assert_allclose(shares[SPEED], 0.75)
     np.testing.assert_allclose(shares[TORQUE], 0.6)
-    tightened = allowed.tightened({POSITION: np.full(6, 0.9), SPEED: np.array([0.1, 1.25, 1, 1, 1, 1]), TORQUE: np.ones(6)})
+    tightened = allowed.tightened(
+        {POSITION: np.full(6, 0.9), SPEED: np.array([0.1, 1.25, 1, 1, 1, 1]), TORQUE: np.ones(6)}
+    )
     np.testing.assert_allclose(tightened.speed, 0.6 * arm.qd_max)
     np.testing.assert_array_equal(tightened.half, allowed.half)
     np.testing.assert_array_equal(tightened.torque, allowed.torque)

@@ -23,10 +23,17 @@ def integrated(state, acceleration, duration):
 
 def test_the_matrices_are_those_printed_in_the_paper():
     a, b = transition(0.02)
-    np.testing.assert_array_equal(a, [
-        [1, 0, 0, 0.02, 0, 0], [0, 1, 0, 0, 0.02, 0], [0, 0, 1, 0, 0, 0.02],
-        [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1],
-    ])  # fmt: skip
+    np.testing.assert_array_equal(
+        a,
+        [
+            [1, 0, 0, 0.02, 0, 0],
+            [0, 1, 0, 0, 0.02, 0],
+            [0, 0, 1, 0, 0, 0.02],
+            [0, 0, 0, 1, 0, 0],
+            [0, 0, 0, 0, 1, 0],
+            [0, 0, 0, 0, 0, 1],
+        ],
+    )
     half = 0.02**2 / 2
     np.testing.assert_allclose(
         b, [[half, 0, 0], [0, half, 0], [0, 0, half], [0.02, 0, 0], [0, 0.02, 0], [0, 0, 0.02]], rtol=1e-15

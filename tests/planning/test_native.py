@@ -20,7 +20,11 @@ ARMS = {
     "MH3F": {"payload_mass": 0.05, "payload_inertia": 1e-5},
     "turned base": {"base_pose": (0.1, -0.2, 0.3, 0.4), "link_inertia_scales": [1.5, 0.5, 1, 2, 1, 1]},
     "UR5": {"arm": ArmFile(package_file("ur_description/urdf/ur5_joint_limited_robot.urdf"), "base_link", "tool0")},
-    "Panda": {"arm": ArmFile(package_file("panda_description/urdf/panda.urdf"), "panda_link0", "panda_link8", reflected_inertia=ROTORS)},
+    "Panda": {
+        "arm": ArmFile(
+            package_file("panda_description/urdf/panda.urdf"), "panda_link0", "panda_link8", reflected_inertia=ROTORS
+        )
+    },
 }
 
 
@@ -78,7 +82,9 @@ SCENARIOS = {
 @pytest.mark.parametrize("fields", SCENARIOS.values(), ids=SCENARIOS)
 def test_all_rows_are_those_of_numpy(fields, shift):
     scenario = Scenario().with_overrides({**fields, "planner.solver": "daqp"})
-    horizons = Convexification(scenario, ArmModel(scenario.object.thickness / 2, torque_scale=scenario.arm.torque_scale))
+    horizons = Convexification(
+        scenario, ArmModel(scenario.object.thickness / 2, torque_scale=scenario.arm.torque_scale)
+    )
     point = horizons.guess(24, 5)
     rng = np.random.default_rng(1)
     first = horizons.layout.release - 24

@@ -77,7 +77,13 @@ class Problem:
             a_y, a_z, spin = u[:n].T
             along, force = a_y * c + (a_z + G) * s, (a_z + G) * c - a_y * s
             moment = ((half**2 + across**2) / 3 * spin - across * along) / reach
-            found += [force - settings.minimum_normal, mu * force - along, mu * force + along, force - moment, force + moment]
+            found += [
+                force - settings.minimum_normal,
+                mu * force - along,
+                mu * force + along,
+                force - moment,
+                force + moment,
+            ]
         for corners, last in ((blade(self.scenario), len(u)), (block(self.scenario)[2:], n)):
             found += [corner(states[1 : last + 1, :3], at)[1] - table - settings.table_clearance for at in corners]
         for at in block(self.scenario):
@@ -89,7 +95,10 @@ class Problem:
             y, z = corner(flying, at)
             height = -(y - tool[:, 0]) * np.sin(tool[:, 2]) + (z - tool[:, 1]) * np.cos(tool[:, 2]) + across
             found.append(height - wanted)
-        for place, (low, high) in ((states[1:, 0], self.scenario.task.workspace_y), (states[1:, 1], self.scenario.task.workspace_z)):
+        for place, (low, high) in (
+            (states[1:, 0], self.scenario.task.workspace_y),
+            (states[1:, 1], self.scenario.task.workspace_z),
+        ):
             found += [place - low, high - place]
         return np.concatenate(found)
 
@@ -103,7 +112,10 @@ class Problem:
     def joint_rows(self, arm, w):
         """Rows a · w ≤ b of the joint limits, linearised about w."""
         states, inputs = self.motion(w)
-        x, q = self.scenario.task.start_x, arm.inverse_kinematics(limits.task_pose(states[0], self.scenario.task.start_x))
+        x, q = (
+            self.scenario.task.start_x,
+            arm.inverse_kinematics(limits.task_pose(states[0], self.scenario.task.start_x)),
+        )
         motion = limits.joint_motion(arm, states, inputs, x, q)
         rows, layout = Rows(), Layout(self.plan.n_contact, self.plan.n_brake)
         limits.joint_rows(rows, layout, motion, states, inputs, arm, limits.Allowed.of(arm, self.scenario))

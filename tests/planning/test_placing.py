@@ -43,7 +43,9 @@ def test_the_tilt_for_a_speed_gives_that_speed(mu, speed):
 
 
 def test_below_the_friction_angle_nothing_slides():
-    with pytest.raises(PlanningError, match="at a tilt of 30.0 deg nothing slides; valid is above the friction angle, 45.0"):
+    with pytest.raises(
+        PlanningError, match="at a tilt of 30.0 deg nothing slides; valid is above the friction angle, 45.0"
+    ):
         Slide(np.radians(30), 1.0, 0.02)
 
 
@@ -52,7 +54,9 @@ def test_a_free_segment_is_the_smoothest_motion():
     n, dt = 100, 0.005
     states, inputs = SegmentProgram(n, dt).plan(np.zeros(3), np.array([0.2, 0.0, 0.0]), lambda *_: None)
     t = np.linspace(0, 1, n + 1)
-    smooth = 0.2 * (10 * t**3 - 15 * t**4 + 6 * t**5)  # ends of zero acceleration, which the price of the first Δu wants
+    smooth = 0.2 * (
+        10 * t**3 - 15 * t**4 + 6 * t**5
+    )  # ends of zero acceleration, which the price of the first Δu wants
     np.testing.assert_allclose(states[:, 0], smooth, atol=2e-3)
     np.testing.assert_allclose(states[[0, -1], 3:], 0, atol=1e-6)
     np.testing.assert_allclose(np.diff(states[:, 3:], axis=0), inputs * dt, atol=1e-8)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from planar import G, blade, block, flown, gap, placed, polar
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.planning import Plan
 from flipdiagram.planning.limits import POSITION, SPEED, TORQUE, task_pose
 from flipdiagram.robot.arm import ArmModel
@@ -23,10 +23,22 @@ def made_up_plan(seed: int = 1, dt: float = 0.02) -> Plan:
     v = np.vstack([np.zeros(3), np.cumsum(inputs, axis=0) * dt])
     x = np.vstack([np.zeros(3), np.cumsum(v[:-1] * dt + inputs * dt**2 / 2, axis=0)]) + [0.1, 0.3, 0.0]
     return Plan(
-        sampling_time=dt, n_contact=4, n_flight=2, n_brake=3, states=np.hstack([x, v]), inputs=inputs, cost=0.1 + 0.2,
-        residual=1e-13, max_sliding_angle=0.5, friction_angle=1.0, limit_use={SPEED: 0.7}, solver="none", iterations=3,
-        solve_time=0.25, program_times=(0.1, 0.1 / 3),
-    )  # fmt: skip
+        sampling_time=dt,
+        n_contact=4,
+        n_flight=2,
+        n_brake=3,
+        states=np.hstack([x, v]),
+        inputs=inputs,
+        cost=0.1 + 0.2,
+        residual=1e-13,
+        max_sliding_angle=0.5,
+        friction_angle=1.0,
+        limit_use={SPEED: 0.7},
+        solver="none",
+        iterations=3,
+        solve_time=0.25,
+        program_times=(0.1, 0.1 / 3),
+    )
 
 
 MADE_UP = made_up_plan()
@@ -89,17 +101,21 @@ def test_the_block_is_released_beyond_the_vertical(plan, scenario):
     assert plan.summary()["release_angle_rad"] == plan.release[2]
     np.testing.assert_array_equal(plan.release, plan.states[plan.n_contact])
     # and pressed on the blade until then
-    assert np.all(np.abs(polar(plan.inputs[: plan.n_contact, :2], plan.states[1 : plan.n_contact + 1, 2])[1]) < np.pi / 2)
+    assert np.all(
+        np.abs(polar(plan.inputs[: plan.n_contact, :2], plan.states[1 : plan.n_contact + 1, 2])[1]) < np.pi / 2
+    )
 
 
 def test_the_released_block_never_touches_the_blade_again(plan, scenario):
     after = np.arange(MS, plan.touchdown_time - plan.release_time + 0.5, MS)
     tool = plan.sample(plan.release_time + after)[0]
     in_air = np.minimum(after, plan.touchdown_time - plan.release_time)
-    gaps = np.array([
-        gap(placed(block(scenario), flying), placed(blade(scenario), held))
-        for flying, held in zip(flown(plan.release, in_air), tool, strict=True)
-    ])  # fmt: skip
+    gaps = np.array(
+        [
+            gap(placed(block(scenario), flying), placed(blade(scenario), held))
+            for flying, held in zip(flown(plan.release, in_air), tool, strict=True)
+        ]
+    )
     assert gaps.min() > -1e-6
     settings = scenario.planner
     wanted = np.minimum(settings.separation_gap, settings.separation_acceleration * after**2 / 2)
@@ -143,9 +159,10 @@ def test_the_arm_can_do_it_at_every_millisecond(plan, scenario, arm: ArmModel, g
             tau[end, k] = arm.inverse_dynamics(q[k], qd[k], qdd)
     middle, half = (arm.q_min + arm.q_max) / 2, (arm.q_max - arm.q_min) / 2
     uses = {
-        POSITION: np.max(np.abs(q - middle) / half), SPEED: np.max(np.abs(qd) / arm.qd_max),
+        POSITION: np.max(np.abs(q - middle) / half),
+        SPEED: np.max(np.abs(qd) / arm.qd_max),
         TORQUE: np.max(np.abs(tau) / arm.tau_max),
-    }  # fmt: skip
+    }
     for kind, use in uses.items():
         assert use < 1
         assert plan.limit_use[kind] == pytest.approx(use, abs=0.01)
@@ -297,17 +314,17 @@ def changed(**values) -> str:
 def test_a_bad_plan_file_is_refused_in_one_line(text, message, tmp_path):
     path = tmp_path / "plan.json"
     path.write_text(text)
-    with pytest.raises(ScenarioError) as error:
+    with pytest.raises(InputError) as error:
         Plan.load(path)
     line = str(error.value)
     assert message in line and f"plan file {str(path)!r}" in line and "\n" not in line
 
 
 def test_a_plan_file_that_cannot_be_read_is_named(tmp_path):
-    with pytest.raises(ScenarioError, match=r"plan file '.*gone.json' cannot be read: No such file"):
+    with pytest.raises(InputError, match=r"plan file '.*gone.json' cannot be read: No such file"):
         Plan.load(tmp_path / "gone.json")
-    with pytest.raises(ScenarioError, match="cannot be read: Is a directory"):
+    with pytest.raises(InputError, match="cannot be read: Is a directory"):
         Plan.load(tmp_path)
     (tmp_path / "bytes.json").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ScenarioError, match="cannot be read: not UTF-8 text"):
+    with pytest.raises(InputError, match="cannot be read: not UTF-8 text"):
         Plan.load(tmp_path / "bytes.json")

@@ -87,7 +87,10 @@ def test_the_more_slippery_the_dearer(slippery, plan):
     [
         {"table.height": -0.3},  # the block flies on after the tool has come to rest
         {"arm.torque_scale": 0.15, "planner.flight_samples": (4, 8)},  # torque limits bind
-        {"task.start_z": 0.6, "planner.flight_samples": (8, 12)},  # past the wrist's singularity: speeds peak between samples
+        {
+            "task.start_z": 0.6,
+            "planner.flight_samples": (8, 12),
+        },  # past the wrist's singularity: speeds peak between samples
     ],
     ids=lambda overrides: next(iter(overrides)),
 )
@@ -106,8 +109,13 @@ def test_every_kind_of_constraint_enters_the_program(planner, plan):
     horizons, scenario = planner.horizons, planner.scenario
     point = horizons.guess(plan.n_contact, plan.n_flight)
     expected = Rows()
-    for build in (constraints.contact_rows, constraints.workspace_rows, constraints.clearance_rows,
-                  constraints.separation_rows, constraints.flight_rows):  # fmt: skip
+    for build in (
+        constraints.contact_rows,
+        constraints.workspace_rows,
+        constraints.clearance_rows,
+        constraints.separation_rows,
+        constraints.flight_rows,
+    ):
         build(expected, horizons.layout, point, scenario)
     found = Counter(horizons.rows(point)[0].groups())
     joints = {kind: found.pop(kind, 0) for kind in (POSITION, SPEED, TORQUE)}
@@ -138,8 +146,12 @@ def test_a_joint_limit_exceeded_between_samples_is_fed_back(scenario, plan, monk
     assert slower.cost > plan.cost
     np.testing.assert_array_equal(planner.plan().states, plan.states)
 
-    monkeypatch.setattr(Planner, "_limit_use", lambda self, outcome: {**true_use(self, outcome), SPEED: np.full(6, 1.001)})
-    with pytest.raises(PlanningError, match=r"^joint speed limit cannot be met: joint S would need 1.00 x .* between samples$"):
+    monkeypatch.setattr(
+        Planner, "_limit_use", lambda self, outcome: {**true_use(self, outcome), SPEED: np.full(6, 1.001)}
+    )
+    with pytest.raises(
+        PlanningError, match=r"^joint speed limit cannot be met: joint S would need 1.00 x .* between samples$"
+    ):
         planner.plan()
 
 
@@ -147,14 +159,35 @@ def test_a_joint_limit_exceeded_between_samples_is_fed_back(scenario, plan, monk
     ("overrides", "message"),
     [
         ({"table.height": 0.4}, r"^table clearance cannot be met: at the start the blade is -0.057 m above the table"),
-        ({"table.height": 0.34}, r"^table clearance cannot be met: at the start the blade is 0.003 m .* wanted 0.01 m$"),
-        ({"arm.speed_scale": 0.05}, r"^no motion found: joint speed limit cannot be met \(joint [SLURBT] would need [\d.]+ x"),
-        ({"arm.torque_scale": 0.05}, r"^no motion found: joint torque limit cannot be met \(joint [SLURBT] would need [\d.]+ x"),
+        (
+            {"table.height": 0.34},
+            r"^table clearance cannot be met: at the start the blade is 0.003 m .* wanted 0.01 m$",
+        ),
+        (
+            {"arm.speed_scale": 0.05},
+            r"^no motion found: joint speed limit cannot be met \(joint [SLURBT] would need [\d.]+ x",
+        ),
+        (
+            {"arm.torque_scale": 0.05},
+            r"^no motion found: joint torque limit cannot be met \(joint [SLURBT] would need [\d.]+ x",
+        ),
         # level it is within reach, but not tilted: the object may not go lower, where the arm could follow
-        ({"task.start_z": 0.6, "task.workspace_z": (0.57, 0.65)}, r"^no motion found: .*joint (position|speed|torque) limit"),
-        ({"task.start_x": 0.6, "task.start_y": 0.35, "task.start_z": 0.65}, r"^the arm cannot reach the pose y = 0.35 m, z = 0.65 m"),
-        ({"planner.contact_samples": (2, 3)}, r"^no motion found: release angle cannot be met \(short by [\d.]+\) while joint"),
-        ({"task.workspace_y": (-0.02, 0.02), "planner.contact_samples": (10, 10)}, r"^no motion found: workspace cannot be met"),
+        (
+            {"task.start_z": 0.6, "task.workspace_z": (0.57, 0.65)},
+            r"^no motion found: .*joint (position|speed|torque) limit",
+        ),
+        (
+            {"task.start_x": 0.6, "task.start_y": 0.35, "task.start_z": 0.65},
+            r"^the arm cannot reach the pose y = 0.35 m, z = 0.65 m",
+        ),
+        (
+            {"planner.contact_samples": (2, 3)},
+            r"^no motion found: release angle cannot be met \(short by [\d.]+\) while joint",
+        ),
+        (
+            {"task.workspace_y": (-0.02, 0.02), "planner.contact_samples": (10, 10)},
+            r"^no motion found: workspace cannot be met",
+        ),
     ],
     ids=lambda case: ",".join(case) if isinstance(case, dict) else "",
 )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydrake.solvers import GurobiSolver, MathematicalProgram, SnoptSolver
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.planning import constraints
 from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.convexification import GROUPS
@@ -46,7 +46,9 @@ def numbers(planner, point, trust=TRUST):
 
 def build(planner, groups=()):
     settings, horizons = planner.scenario.planner, planner.horizons
-    return HorizonProgram(horizons.layout, settings.sampling_time, horizons.cost, settings.smoothing, "clarabel", groups)
+    return HorizonProgram(
+        horizons.layout, settings.sampling_time, horizons.cost, settings.smoothing, "clarabel", groups
+    )
 
 
 def from_scratch(planner, arguments):
@@ -168,7 +170,9 @@ def test_the_elastic_program_names_the_group_that_was_made_impossible(group):
     rows.add(group, [(layout.x(0, 1), 1.0)], [0.25])  # the start 0.1 m lower than it is: impossible
     landing = np.array([0.0, 1, 0, 0, 0.04, 0]), 0.2 + G * 0.04**2 / 2
     arguments = (start, 6, 2, landing, rows, np.tile(start[:3], (11, 1)), 1.0)
-    plain, elastic = (HorizonProgram(layout, 0.02, LandingCost(20, 0.5), 1e-6, "clarabel", g) for g in ((), ("first", "second")))
+    plain, elastic = (
+        HorizonProgram(layout, 0.02, LandingCost(20, 0.5), 1e-6, "clarabel", g) for g in ((), ("first", "second"))
+    )
     plain.update(*arguments)
     assert not plain.solve().success
     elastic.update(*arguments)
@@ -181,6 +185,8 @@ def test_the_elastic_program_names_the_group_that_was_made_impossible(group):
 def test_a_solver_that_is_not_there_is_named_with_those_that_are():
     if GurobiSolver().available():
         pytest.skip("this Drake has Gurobi")
-    with pytest.raises(ScenarioError, match=r"'planner.solver' = 'gurobi' cannot be used here .* valid is clarabel, ") as error:
+    with pytest.raises(
+        InputError, match=r"'planner.solver' = 'gurobi' cannot be used here .* valid is clarabel, "
+    ) as error:
         make_solver("gurobi")
     assert "gurobi" not in str(error.value).split("valid is")[1]

@@ -106,7 +106,11 @@ def test_other_horizons_are_searched_where_the_old_one_costs_much_more(scenario,
             q = joints(scenario, arm, state)
             old, new = (one.replan(state, plan, k * 0.02, q) for one in (replanner, searching))
             same = (old.n_contact, old.n_flight) == (new.n_contact, new.n_flight)
-            assert new.cost <= old.cost * (1 + 1e-4) if same else new.cost < old.cost / (1 + scenario.planner.search_tolerance)
+            assert (
+                new.cost <= old.cost * (1 + 1e-4)
+                if same
+                else new.cost < old.cost / (1 + scenario.planner.search_tolerance)
+            )
             assert abs(new.n_contact - (plan.n_contact - k)) <= 2 and abs(new.n_flight - plan.n_flight) <= 2
             np.testing.assert_allclose(new.states[0], state, atol=1e-6)
             np.testing.assert_allclose(new.landing[1], 0.2 + scenario.object.thickness / 2, atol=0.05)

@@ -11,7 +11,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.plants.cell import add_cell
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import Scenario
@@ -92,11 +92,7 @@ def test_a_block_at_rest_stays_at_rest_and_its_weight_is_carried(bench, place, p
 
 
 @hypothesis_settings(max_examples=8)
-@given(
-    velocity=st.tuples(*[st.floats(-1.5, 1.5)] * 3),
-    spin=st.floats(-20, 20),
-    milliseconds=st.integers(1, 300),
-)
+@given(velocity=st.tuples(*[st.floats(-1.5, 1.5)] * 3), spin=st.floats(-20, 20), milliseconds=st.integers(1, 300))
 def test_free_flight_follows_the_steppers_closed_form_and_the_parabola(bench, velocity, spin, milliseconds):
     p_0, v_0 = np.array([0.5, 0.0, 3.0]), np.array(velocity)
     simulator = bench.start(RigidTransform(p_0), SpatialVelocity([spin, 0, 0], v_0))
@@ -172,5 +168,5 @@ def test_a_sliding_block_is_braked_by_the_combined_friction(table, block):
 
 def test_friction_that_would_chatter_is_refused():
     scenario = Scenario().with_overrides({"joint_friction.transition_velocity": 0.001})
-    with pytest.raises(ScenarioError, match=r"transition_velocity' = 0.001 .* valid is at least"):
+    with pytest.raises(InputError, match=r"transition_velocity' = 0.001 .* valid is at least"):
         Bench(scenario)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.plants.one_dof import FRICTIONS, OneDofPlant, held_step, signum_step, stick_slip_step
 
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
@@ -47,7 +47,9 @@ def test_above_f_c_it_breaks_away_and_nears_the_final_velocity():
     assert x == pytest.approx(final * (1.0 - (1 - decay) * 0.5 / 0.4), rel=1e-11)
 
 
-@given(st.floats(1e-6, 0.5), st.floats(0.01, 2.0), st.floats(0.1, 3.0), st.floats(0.0, 1.0), st.sampled_from([-1.0, 1.0]))
+@given(
+    st.floats(1e-6, 0.5), st.floats(0.01, 2.0), st.floats(0.1, 3.0), st.floats(0.0, 1.0), st.sampled_from([-1.0, 1.0])
+)
 def test_a_coasting_mass_stops_where_its_energy_ends(v, f_c, mass, d, side):
     x, ticks = 0.0, 0
     speed = side * v
@@ -74,7 +76,9 @@ def test_one_step_is_the_solution_of_the_equation_of_motion(v, force, f_c, d):
 
         stop.terminal, stop.direction = True, -1
         drive = force - s * f_c
-        done = solve_ivp(lambda t, y, a=drive: [y[1], a - d * y[1]], (0, left), [x0, v0], rtol=1e-11, atol=1e-16, events=stop)
+        done = solve_ivp(
+            lambda t, y, a=drive: [y[1], a - d * y[1]], (0, left), [x0, v0], rtol=1e-11, atol=1e-16, events=stop
+        )
         x0, v0, left = done.y[0, -1], done.y[1, -1], left - done.t[-1]
         if done.status == 1:
             v0 = 0.0
@@ -85,7 +89,11 @@ def test_one_step_is_the_solution_of_the_equation_of_motion(v, force, f_c, d):
 @pytest.mark.parametrize("friction", FRICTIONS)
 def test_the_block_steps_as_its_law_over_every_scalar(friction):
     plant = OneDofPlant([1.0, 2.0], T, friction, [0.1, 0.2], 0.3)
-    laws = {"none": lambda *a: held_step(*a[:4], T), "signum": lambda *a: signum_step(*a, T), "stick-slip": lambda *a: stick_slip_step(*a, T)}
+    laws = {
+        "none": lambda *a: held_step(*a[:4], T),
+        "signum": lambda *a: signum_step(*a, T),
+        "stick-slip": lambda *a: stick_slip_step(*a, T),
+    }
     for v in ([1.0, -1.0], [1e-5, -1e-5], [0.0, 0.0]):
         for form in (plant, plant.ToAutoDiffXd(), plant.ToSymbolic()):
             context = form.CreateDefaultContext()
@@ -93,18 +101,32 @@ def test_the_block_steps_as_its_law_over_every_scalar(friction):
             form.GetInputPort("f").FixValue(context, np.array([9.7, 30.0]))
             after = form.EvalUniquePeriodicDiscreteUpdate(context).get_vector().CopyToVector()
             a = form.GetOutputPort("a").Eval(context)
-            numbers = [value.Evaluate() if hasattr(value, "Evaluate") else getattr(value, "value", lambda v=value: v)() for value in (*after, *a)]
-            expected = [laws[friction](0.5 + 0.1 * i, v[i], f - m * 9.81, m, c, 0.3) for i, (f, m, c) in enumerate([(9.7, 1.0, 0.1), (30.0, 2.0, 0.2)])]
-            assert numbers[:4] == pytest.approx([expected[0][0], expected[1][0], expected[0][1], expected[1][1]], rel=1e-13, abs=1e-18)
+            numbers = [
+                value.Evaluate() if hasattr(value, "Evaluate") else getattr(value, "value", lambda v=value: v)()
+                for value in (*after, *a)
+            ]
+            expected = [
+                laws[friction](0.5 + 0.1 * i, v[i], f - m * 9.81, m, c, 0.3)
+                for i, (f, m, c) in enumerate([(9.7, 1.0, 0.1), (30.0, 2.0, 0.2)])
+            ]
+            assert numbers[:4] == pytest.approx(
+                [expected[0][0], expected[1][0], expected[0][1], expected[1][1]], rel=1e-13, abs=1e-18
+            )
             assert numbers[4:] == pytest.approx([(expected[i][1] - v[i]) / T for i in range(2)], rel=1e-9, abs=1e-9)
             feeds = {form.get_output_port(i).get_name() for i in range(3) if form.HasDirectFeedthrough(0, i)}
             assert feeds == {"a"}
 
 
-@pytest.mark.parametrize(("bad", "words"), [
-    ({"friction": "tanh"}, "choose from none, signum, stick-slip"), ({"mass": 0.0}, "mass"), ({"f_c": -1.0}, "f_c"),
-    ({"d": 11.0}, "at most 0.001 mass/period"), ({"period": 0.0}, "period"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        ({"friction": "tanh"}, "choose from none, signum, stick-slip"),
+        ({"mass": 0.0}, "mass"),
+        ({"f_c": -1.0}, "f_c"),
+        ({"d": 11.0}, "at most 0.001 mass/period"),
+        ({"period": 0.0}, "period"),
+    ],
+)
 def test_numbers_that_make_no_plant(bad, words):
-    with pytest.raises(ScenarioError, match=words):
+    with pytest.raises(InputError, match=words):
         OneDofPlant(**{"mass": 1.0, "period": T, **bad})

@@ -1,6 +1,5 @@
 """The live view: a browser that connects sees the flip while it is simulated."""
 
-
 import pytest
 from pydrake.geometry import Meshcat
 
@@ -26,7 +25,9 @@ def test_the_simulation_waits_for_a_browser_and_moves_what_it_sees(monkeypatch):
     monkeypatch.setattr(live, "Meshcat", Watched)
     monkeypatch.setattr(live, "SPEED", 50.0)
     told = []
-    live.show_live(SHORT, ["pd+ff+dob"], announce=told.append, wait=lambda: seen.append(servers[0].HasPath("visualizer/block")))
+    live.show_live(
+        SHORT, ["pd+ff+dob"], announce=told.append, wait=lambda: seen.append(servers[0].HasPath("visualizer/block"))
+    )
     assert len(polls) > 2, "it waited"
     assert "watch at http://localhost" in told[0]
     assert told[1].startswith("pd+ff+dob: ") and "Ctrl-C" in told[2]

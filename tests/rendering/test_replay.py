@@ -10,7 +10,7 @@ import pytest
 from conftest import ALTERNATIVES
 from synthetic import DROP, recording, recordings
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.rendering import replay
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 
@@ -111,7 +111,7 @@ def test_one_architecture_and_recordings_of_different_lengths():
 
 
 def test_unknown_architecture_is_refused():
-    with pytest.raises(ScenarioError, match="'pid'"):
+    with pytest.raises(InputError, match="'pid'"):
         replay.replay_html({"pid": recording("pd")}, Scenario())
 
 

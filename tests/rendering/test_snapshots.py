@@ -79,10 +79,13 @@ def test_snapshots_are_taken_from_start_to_rest():
     "python, reason",
     [
         (["false"], "ended with code 1"),
-        ([sys.executable, "-c", "import os, sys; print('no EGL', file=sys.stderr, flush=True); os.abort()"], r"code -6 \(.*no EGL"),
+        (
+            [sys.executable, "-c", "import os, sys; print('no EGL', file=sys.stderr, flush=True); os.abort()"],
+            r"code -6 \(.*no EGL",
+        ),
         (["/no/such/python"], "No such file"),
     ],
-)  # fmt: skip
+)
 def test_where_nothing_renders_the_motion_is_drawn_and_the_reason_given(python, reason):
     taken = take_snapshots(recording(), Scenario(), times=[0.0, END], size=SIZE, python=python)
     assert taken.note is not None and "drawn, not rendered" in taken.note and "apt install" in taken.note

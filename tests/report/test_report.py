@@ -32,7 +32,12 @@ DELAY = {"pd": None, "pd+ff": None, "pd+dob": 0.010, "pd+ff+dob": -0.002}
 
 def frequency():
     claims = [
-        {"id": name, "claim": "", "holds": name != "C9", "measured": MEASURED.get(name, {"unstable": f"loop of {name}"})}
+        {
+            "id": name,
+            "claim": "",
+            "holds": name != "C9",
+            "measured": MEASURED.get(name, {"unstable": f"loop of {name}"}),
+        }
         for name in FIGURES
     ]
     return {"claims": claims, "observer": OBSERVER, "realisations": REALISATIONS}
@@ -40,37 +45,82 @@ def frequency():
 
 def experiment():
     claims = [
-        {"id": f"E{k}", "text": f"claim of E{k}", "holds": {3: False, 6: None}.get(k, True), "measured": f"{k}.25 |cm|",
-         "paper": "Fig. 13", "difference": "an estimate" if k == 7 else "", "numbers": {}}
+        {
+            "id": f"E{k}",
+            "text": f"claim of E{k}",
+            "holds": {3: False, 6: None}.get(k, True),
+            "measured": f"{k}.25 |cm|",
+            "paper": "Fig. 13",
+            "difference": "an estimate" if k == 7 else "",
+            "numbers": {},
+        }
         for k in range(1, 9)
-    ]  # fmt: skip
+    ]
     runs = [
-        {"architecture": name, "start_y_m": 0.0, "success": "dob" in name, "failure": None, "position_rmse_m": 0.0123,
-         "acceleration_rmse_m_s2": 2.5, "max_torque_Nm": [1, 47.5, 1, 1, 1, 1], "velocity_delay_s": 0.0037,
-         "endpoint_vibration_m_s": 0.0085, "max_slip_m": None, "plan": {}}
+        {
+            "architecture": name,
+            "start_y_m": 0.0,
+            "success": "dob" in name,
+            "failure": None,
+            "position_rmse_m": 0.0123,
+            "acceleration_rmse_m_s2": 2.5,
+            "max_torque_Nm": [1, 47.5, 1, 1, 1, 1],
+            "velocity_delay_s": 0.0037,
+            "endpoint_vibration_m_s": 0.0085,
+            "max_slip_m": None,
+            "plan": {},
+        }
         for name in ARCHITECTURES
-    ]  # fmt: skip
+    ]
     verdict = {"success": True, "max_slip_m": 0.001, "touchdown": None}
     engines = [
-        {"architecture": name, "start_y_m": 0.0, "agree": name != "pd", "drake": verdict,
-         "mujoco": verdict | {"success": name != "pd"}} for name in ARCHITECTURES
-    ]  # fmt: skip
-    return {"quick": True, "starts_y_m": [0.0], "architectures": list(ARCHITECTURES), "runs": runs, "claims": claims,
-            "second_engine": {"settings": "", "runs": engines, "variants": []}}  # fmt: skip
+        {
+            "architecture": name,
+            "start_y_m": 0.0,
+            "agree": name != "pd",
+            "drake": verdict,
+            "mujoco": verdict | {"success": name != "pd"},
+        }
+        for name in ARCHITECTURES
+    ]
+    return {
+        "quick": True,
+        "starts_y_m": [0.0],
+        "architectures": list(ARCHITECTURES),
+        "runs": runs,
+        "claims": claims,
+        "second_engine": {"settings": "", "runs": engines, "variants": []},
+    }
 
 
 def drawn():
     cells = {
-        name: {"success": [[True, False], [False, False]], "failure": FAILURES, "position_rmse_m": [[0.004, 0.1], [None, None]],
-               "velocity_delay_s": [[DELAY[name], 0.1], [None, None]]}
+        name: {
+            "success": [[True, False], [False, False]],
+            "failure": FAILURES,
+            "position_rmse_m": [[0.004, 0.1], [None, None]],
+            "velocity_delay_s": [[DELAY[name], 0.1], [None, None]],
+        }
         for name in ARCHITECTURES
-    }  # fmt: skip
+    }
     axis = {"label": "load [kg]", "values": [0.0, 1.0], "overrides": [{}, {}], "logarithmic": False}
-    return {"name": "payload", "title": "Unknown payload", "question": "How heavy?", "x": axis, "y": axis, "architectures": cells}
+    return {
+        "name": "payload",
+        "title": "Unknown payload",
+        "question": "How heavy?",
+        "x": axis,
+        "y": axis,
+        "architectures": cells,
+    }
 
 
 def variation(name, fragile):
-    numbers = {"position_rmse_m": 0.003, "acceleration_rmse_m_s2": 2.0, "max_slip_m": 0.001, "max_torque_joint_2_Nm": 50.0}
+    numbers = {
+        "position_rmse_m": 0.003,
+        "acceleration_rmse_m_s2": 2.0,
+        "max_slip_m": 0.001,
+        "max_torque_joint_2_Nm": 50.0,
+    }
     runs = {architecture: {"success": True, "failure": None, **numbers} for architecture in ARCHITECTURES}
     return {"group": "step", "name": name, "overrides": {}, "fragile": fragile, "runs": runs}
 
@@ -82,15 +132,25 @@ def borders():
 def replanning():
     lost = {"success": False, "failure": "dropped at 0.3 s"}
     kept = {"success": True, "failure": None, "landing_cost_J": 0.61, "position_rmse_m": 0.003, "max_slip_m": 0.0005}
-    runs = [{"case": "nothing", "way": "planned once", "architecture": n} | (kept if "dob" in n else lost) for n in ARCHITECTURES]
+    runs = [
+        {"case": "nothing", "way": "planned once", "architecture": n} | (kept if "dob" in n else lost)
+        for n in ARCHITECTURES
+    ]
     return {"runs": runs}
 
 
 def place():
     run = {
-        "architecture": "pd+dob", "success": True, "failure": None, "distance_m": 0.004, "tilt_rad": 0.0, "touchdown_speed_m_s": 0.18,
-        "slid_m": 0.0189, "planned_slide_m": 0.018, "position_rmse_m": 0.0029,
-    }  # fmt: skip
+        "architecture": "pd+dob",
+        "success": True,
+        "failure": None,
+        "distance_m": 0.004,
+        "tilt_rad": 0.0,
+        "touchdown_speed_m_s": 0.18,
+        "slid_m": 0.0189,
+        "planned_slide_m": 0.018,
+        "position_rmse_m": 0.0029,
+    }
     return {"plan": {"tilt_rad": 1.11, "friction_angle_rad": 1.08}, "target_y_m": 0.1, "runs": [run]}
 
 
@@ -109,7 +169,9 @@ def written(tmp_path, monkeypatch):
         return run
 
     monkeypatch.setattr(report, "_frequency", study("frequency", frequency, [name for name, _ in FREQUENCY_FIGURES]))
-    monkeypatch.setattr(report, "_experiment", study("experiment", experiment, [name for name, _ in EXPERIMENT_FIGURES]))
+    monkeypatch.setattr(
+        report, "_experiment", study("experiment", experiment, [name for name, _ in EXPERIMENT_FIGURES])
+    )
     monkeypatch.setattr(report, "_borders", study("borders", borders, ["map_payload"]))
     monkeypatch.setattr(report, "_replanning", study("replanning", replanning, []))
     monkeypatch.setattr(report, "_place", study("place", place, [name for name, _ in PLACE_FIGURES]))
@@ -119,7 +181,11 @@ def written(tmp_path, monkeypatch):
 def test_every_claim_is_on_the_page_with_its_verdict_and_numbers(written):
     made = written()
     text = made.markdown.read_text()
-    table = [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in text.splitlines() if re.match(r"\| [CE]\d+ \|", line)]
+    table = [
+        [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
+        for line in text.splitlines()
+        if re.match(r"\| [CE]\d+ \|", line)
+    ]
     assert [row[0] for row in table] == [f"C{k}" for k in range(1, 15)] + [f"E{k}" for k in range(1, 9)]
     verdicts = {row[0]: row[3] for row in table}
     assert {name for name, holds in verdicts.items() if holds == "**no**"} == {"C9", "E3"}
@@ -127,7 +193,11 @@ def test_every_claim_is_on_the_page_with_its_verdict_and_numbers(written):
     entries = {entry["id"]: entry for entry in made.summary["claims"]}
     for row in table:
         entry = entries[row[0]]
-        assert row[2] == entry["claim"] and row[4].replace("\\|", "|").startswith(entry["measured"]) and row[5] == entry["paper"]
+        assert (
+            row[2] == entry["claim"]
+            and row[4].replace("\\|", "|").startswith(entry["measured"])
+            and row[5] == entry["paper"]
+        )
         assert row[6] == f"`flipdiagram {'frequency' if row[0][0] == 'C' else 'experiment'}`"
     assert "87.77" in entries["C2"]["measured"]
     assert "(an estimate)" in table[-2][4]

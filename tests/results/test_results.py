@@ -14,7 +14,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from synthetic import END, MOTION, RELEASE, recording
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.figures import motion as figures
 from flipdiagram.files import write_summary
 from flipdiagram.planning.plan import Plan
@@ -44,9 +44,21 @@ def flown(architecture="pd+ff+dob", **overrides):
 def a_plan(cost=1.0, intervals=7):
     inputs = np.linspace(-1, 1, 3 * intervals).reshape(intervals, 3)
     return Plan(
-        sampling_time=0.1, n_contact=intervals - 3, n_flight=2, n_brake=3, states=np.zeros((intervals + 1, 6)), inputs=inputs,
-        cost=cost, residual=0.0, max_sliding_angle=0.5, friction_angle=1.0, limit_use={}, solver="none", iterations=1, solve_time=0.0,
-    )  # fmt: skip
+        sampling_time=0.1,
+        n_contact=intervals - 3,
+        n_flight=2,
+        n_brake=3,
+        states=np.zeros((intervals + 1, 6)),
+        inputs=inputs,
+        cost=cost,
+        residual=0.0,
+        max_sliding_angle=0.5,
+        friction_angle=1.0,
+        limit_use={},
+        solver="none",
+        iterations=1,
+        solve_time=0.0,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +134,7 @@ def test_parquet_without_pyarrow_says_what_to_install(best, tmp_path, monkeypatc
         return real(name, *rest, **more)
 
     monkeypatch.setattr(builtins, "__import__", refuse)
-    with pytest.raises(ScenarioError, match=re.escape("pip install 'flipdiagram[parquet]'")):
+    with pytest.raises(InputError, match=re.escape("pip install 'flipdiagram[parquet]'")):
         best.flip.to_parquet(tmp_path / "flip.parquet")
     assert not list(tmp_path.iterdir())
 
@@ -130,15 +142,16 @@ def test_parquet_without_pyarrow_says_what_to_install(best, tmp_path, monkeypatc
 def test_what_cannot_be_written_is_said_and_leaves_nothing(best, tmp_path):
     (tmp_path / "file").write_text("")
     for write in (best.flip.to_csv, best.flip.to_parquet):
-        with pytest.raises(ScenarioError, match="cannot write"):
+        with pytest.raises(InputError, match="cannot write"):
             write(tmp_path / "file" / "flip.out")
     assert [file.name for file in tmp_path.iterdir()] == ["file"]
 
 
 def test_units_are_read_from_names_and_written_for_figures():
-    assert [unit_of(name) for name in ("position_rmse_m", "acceleration_rmse_m_s2", "max_torque_Nm", "iterations", "success")] == [
-        "m", "m/s2", "N m", "1", "1",
-    ]  # fmt: skip
+    assert [
+        unit_of(name)
+        for name in ("position_rmse_m", "acceleration_rmse_m_s2", "max_torque_Nm", "iterations", "success")
+    ] == ["m", "m/s2", "N m", "1", "1"]
     assert [pretty(unit) for unit in ("m/s2", "rad/s^2", "N m", "1")] == ["m/s²", "rad/s²", "N m", "1"]
 
 
@@ -166,22 +179,38 @@ def test_metrics_and_scenario_are_those_of_the_recording(best):
 def test_a_dataset_that_is_no_recording_is_refused_by_every_method(best, tmp_path):
     other = xr.Dataset({"x": ("time", [1.0, 2.0])})
     calls = [
-        lambda: other.flip.plot("x"), other.flip.path, other.flip.margins, other.flip.metrics, other.flip.to_frame,
-        lambda: other.flip.to_csv(tmp_path / "a.csv"), lambda: other.flip.to_parquet(tmp_path / "a"), lambda: other.flip.scenario,
-    ]  # fmt: skip
+        lambda: other.flip.plot("x"),
+        other.flip.path,
+        other.flip.margins,
+        other.flip.metrics,
+        other.flip.to_frame,
+        lambda: other.flip.to_csv(tmp_path / "a.csv"),
+        lambda: other.flip.to_parquet(tmp_path / "a"),
+        lambda: other.flip.scenario,
+    ]
     for call in calls:
-        with pytest.raises(ScenarioError) as error:
+        with pytest.raises(InputError) as error:
             call()
         assert "\n" not in str(error.value)
-    with pytest.raises(ScenarioError, match="time"):
+    with pytest.raises(InputError, match="time"):
         best.isel(time=slice(0, 1)).flip.metrics()
 
 
 @pytest.mark.parametrize(
     ("signal", "count", "command"),
-    [("x", 3, True), ("v", 3, True), ("tau", 6, False), ("sliding_angle", 1, False), ("x_y", 1, True), ("x_cmd", 3, False),
-     ("contact_force", 9, False), ("block_pose", 7, False), ("cone_use", 1, True), ("tau_S", 1, False)],
-)  # fmt: skip
+    [
+        ("x", 3, True),
+        ("v", 3, True),
+        ("tau", 6, False),
+        ("sliding_angle", 1, False),
+        ("x_y", 1, True),
+        ("x_cmd", 3, False),
+        ("contact_force", 9, False),
+        ("block_pose", 7, False),
+        ("cone_use", 1, True),
+        ("tau_S", 1, False),
+    ],
+)
 def test_every_signal_is_drawn_with_units_command_and_events(best, signal, count, command):
     drawn = best.flip.plot(signal)
     panels = list(drawn) if count > 1 else [drawn]
@@ -208,7 +237,7 @@ def test_the_lines_are_the_samples_of_the_motion(best):
     np.testing.assert_array_equal(lines["command"].get_ydata(), window["x_cmd"].values[:, 1])
     wide = best.flip.plot("x_z", window=(-0.3, END))
     assert len(wide.get_lines()[0].get_xdata()) == best.sizes["time"]
-    with pytest.raises(ScenarioError, match="window"):
+    with pytest.raises(InputError, match="window"):
         best.flip.plot("x", window=(7.0, 8.0))
 
 
@@ -220,7 +249,7 @@ def test_drawing_into_axes_of_ones_own(best, dropped):
     assert best.flip.plot("sliding_angle", ax=one) is one and best.flip.path(ax=one) is one
     four = Figure().subplots(2, 2)
     assert list(best.flip.margins(four)) == list(four.ravel())
-    with pytest.raises(ScenarioError, match="1 axes given; valid are 3"):
+    with pytest.raises(InputError, match="1 axes given; valid are 3"):
         best.flip.plot("v", ax=one)
 
 
@@ -233,7 +262,7 @@ def test_a_lost_block_is_called_lost_and_a_part_of_a_recording_marks_what_it_hol
 
 
 def test_an_unknown_signal_is_named_with_what_was_meant(best):
-    with pytest.raises(ScenarioError, match="unknown signal 'taus'; did you mean 'tau'"):
+    with pytest.raises(InputError, match="unknown signal 'taus'; did you mean 'tau'"):
         best.flip.plot("taus")
 
 
@@ -257,8 +286,11 @@ def test_the_path_is_drawn_to_scale_with_start_and_release(best, dropped):
 def test_margins_are_planned_and_realised_until_the_release(best):
     panels = best.flip.margins()
     assert [panel.get_ylabel() for panel in panels] == [
-        "friction cone used [1]", "centre of pressure [mm]", "normal force [N]", "slip [mm]",
-    ]  # fmt: skip
+        "friction cone used [1]",
+        "centre of pressure [mm]",
+        "normal force [N]",
+        "slip [mm]",
+    ]
     lines = {line.get_label(): line for line in panels[2].get_lines()}
     time = lines["realised, PD + FF + DOB"].get_xdata()
     assert time[0] == pytest.approx(0) and time[-1] == pytest.approx(RELEASE, abs=0.01)
@@ -266,7 +298,7 @@ def test_margins_are_planned_and_realised_until_the_release(best):
     np.testing.assert_array_equal(lines["realised, PD + FF + DOB"].get_ydata()[: len(realised)], realised)
     half = 1e3 * Scenario().object.length / 2
     assert {half, -half} <= {float(np.ravel(line.get_ydata())[0]) for line in panels[1].get_lines()}
-    with pytest.raises(ScenarioError, match="lacks cone_use"):
+    with pytest.raises(InputError, match="lacks cone_use"):
         recording().flip.margins()
 
 
@@ -326,19 +358,19 @@ def test_the_plot_of_a_comparison_shows_both_or_their_difference(best, dropped):
     (line,) = found.plot("x_z", difference=True).get_lines()
     np.testing.assert_allclose(line.get_ydata(), 0.01)
     assert len(compare(best, dropped).plot("tau")) == 6
-    with pytest.raises(ScenarioError, match="unknown signal"):
+    with pytest.raises(InputError, match="unknown signal"):
         found.plot("nothing")
     renamed = compare(best, best.assign_coords(joint=list("abcdef")))
     assert any("tau_S" in note for note in renamed.notes) and any("tau_a" in note for note in renamed.notes)
-    with pytest.raises(ScenarioError, match="tau_S.* and tau_a"):
+    with pytest.raises(InputError, match="tau_S.* and tau_a"):
         renamed.plot("tau")
-    with pytest.raises(ScenarioError, match="no signals"):
+    with pytest.raises(InputError, match="no signals"):
         compare(a_plan(), a_plan()).plot()
 
 
 def test_what_cannot_be_compared_is_refused(best):
     for other in (a_plan(), xr.Dataset(), 7):
-        with pytest.raises(ScenarioError):
+        with pytest.raises(InputError):
             compare(best, other)
 
 
@@ -371,8 +403,13 @@ def experiment_body(starts=(0.0, 0.02)):
         claim | {"id": "E3", "holds": False},
     ]
     return {
-        "quick": True, "starts_y_m": list(starts), "architectures": list(datas), "runs": runs, "claims": claims, "second_engine": None,
-    }  # fmt: skip
+        "quick": True,
+        "starts_y_m": list(starts),
+        "architectures": list(datas),
+        "runs": runs,
+        "claims": claims,
+        "second_engine": None,
+    }
 
 
 def borders_body(friction=(0.0, 0.1, 0.2)):
@@ -411,11 +448,20 @@ def borders_body(friction=(0.0, 0.1, 0.2)):
 def frequency_body(factor=1.0):
     omega = np.geomspace(0.1, 100, 5)
     curves = [
-        {"figure": figure, "architecture": name, "g_dis_rad_s": g, "friction": friction, "unit": unit, "omega_rad_s": omega,
-         "value": factor * np.arange(5.0) + k, "theory": None if friction else np.arange(5.0)}
+        {
+            "figure": figure,
+            "architecture": name,
+            "g_dis_rad_s": g,
+            "friction": friction,
+            "unit": unit,
+            "omega_rad_s": omega,
+            "value": factor * np.arange(5.0) + k,
+            "theory": None if friction else np.arange(5.0),
+        }
         for k, (figure, name, g, friction, unit) in enumerate(
-            [("5", "pd", None, False, "1"), ("5", "pd+dob", 30.0, False, "1"), ("7", "pd", None, True, "m")])
-    ]  # fmt: skip
+            [("5", "pd", None, False, "1"), ("5", "pd+dob", 30.0, False, "1"), ("7", "pd", None, True, "m")]
+        )
+    ]
     torque = [
         {
             "figure": "9a",
@@ -452,7 +498,7 @@ def test_a_recording_file_gives_the_recording_back(best, tmp_path):
             np.testing.assert_array_equal(read[name].values, best[name].values)
         assert read.flip.metrics() == measure(best) and read.attrs["success"] == 1
     save_recording(best, measure(best), tmp_path / "pd.nc")
-    with pytest.raises(ScenarioError, match=r"several recordings, pd\+ff\+dob.nc, pd.nc"):
+    with pytest.raises(InputError, match=r"several recordings, pd\+ff\+dob.nc, pd.nc"):
         open_result(tmp_path)
 
 
@@ -464,7 +510,7 @@ def test_plans_come_back_as_plans(tmp_path):
     assert ("plan cost_J", "2.5") in info(tmp_path).rows
     assert ("cost_J", "2.5") in info(tmp_path / "plan.json").rows
     (tmp_path / "plan.json").unlink()
-    with pytest.raises(ScenarioError, match="plan.json"):
+    with pytest.raises(InputError, match="plan.json"):
         open_result(tmp_path)
 
 
@@ -549,8 +595,16 @@ def test_every_summary_dataset_can_be_saved_and_read(study, tmp_path):
         ("summary.json", '{"schema": "flipdiagram/turnover/2"}', "newer than this flipdiagram"),
         ("summary.json", '{"schema": "flipdiagram/turnover/0"}', "older than this flipdiagram"),
         ("summary.json", '{"schema": "flipdiagram/turnover/1"}', "is damaged: it lacks 'versions'"),
-        ("summary.json", '{"schema": "flipdiagram/turnover/1", "versions": {}, "scenario": {}}', "is damaged: it lacks 'runs'"),
-        ("summary.json", '{"schema": "flipdiagram/borders/1", "versions": {}, "scenario": {}, "maps": [1], "variations": []}', "is damaged"),
+        (
+            "summary.json",
+            '{"schema": "flipdiagram/turnover/1", "versions": {}, "scenario": {}}',
+            "is damaged: it lacks 'runs'",
+        ),
+        (
+            "summary.json",
+            '{"schema": "flipdiagram/borders/1", "versions": {}, "scenario": {}, "maps": [1], "variations": []}',
+            "is damaged",
+        ),
         ("summary.json", b"\xff\xfe\x00", "not valid JSON"),
         ("plan.json", '{"schema": "flipdiagram/motion/1", "cost": 1}', "plan file"),
         ("plan.json", '{"schema": "flipdiagram/motion/9"}', "newer"),
@@ -559,14 +613,14 @@ def test_every_summary_dataset_can_be_saved_and_read(study, tmp_path):
         ("replay.html", "<html>", "not supported"),
         ("a.txt", "", "no file of results"),
     ],
-)  # fmt: skip
+)
 def test_a_file_that_cannot_be_read_ends_in_one_line(name, content, words, tmp_path):
     path = tmp_path / name
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     for call in (open_result, info, lambda file: compare(file, file)):
         if call not in (open_result, info) and "damaged" in words and name == "summary.json":
             continue  # compares whatever stands there
-        with pytest.raises(ScenarioError) as error:
+        with pytest.raises(InputError) as error:
             call(path)
         assert "\n" not in str(error.value) and name in str(error.value)
         assert re.search(words, str(error.value))
@@ -574,9 +628,9 @@ def test_a_file_that_cannot_be_read_ends_in_one_line(name, content, words, tmp_p
 
 @pytest.mark.parametrize("path", ["nowhere", "nowhere/summary.json", "."])
 def test_a_missing_file_and_an_empty_folder_are_named(path, tmp_path):
-    with pytest.raises(ScenarioError, match="does not exist|holds no results"):
+    with pytest.raises(InputError, match="does not exist|holds no results"):
         open_result(tmp_path / path)
-    with pytest.raises(ScenarioError):
+    with pytest.raises(InputError):
         open_result("a\0b")
 
 
@@ -589,7 +643,7 @@ def test_a_recording_cut_off_anywhere_is_called_damaged_or_reads_as_written(best
     path = tmp_path / "part.nc"
     for end in [1, 3, 4, 8, 16, 100, 1000, *map(int, rng.integers(2000, len(content) - 8, 12))]:
         path.write_bytes(content[:end])
-        with pytest.raises(ScenarioError) as error:
+        with pytest.raises(InputError) as error:
             open_result(path)
         assert "\n" not in str(error.value)
     for at in rng.integers(0, 4000, 40):  # a byte of the header changed: an error of ours, or a Dataset
@@ -598,13 +652,13 @@ def test_a_recording_cut_off_anywhere_is_called_damaged_or_reads_as_written(best
         path.write_bytes(changed)
         try:
             open_result(path)
-        except ScenarioError as error:
+        except InputError as error:
             assert "\n" not in str(error)
 
 
 def test_another_dataset_is_told_apart_from_a_recording(tmp_path):
     xr.Dataset({"depth": ("x", [1.0])}).to_netcdf(tmp_path / "a.nc", engine="scipy")
-    with pytest.raises(ScenarioError, match="holds depth: neither"):
+    with pytest.raises(InputError, match="holds depth: neither"):
         open_result(tmp_path / "a.nc")
     data = xr.Dataset({"linear_peak_x": ("omega", [1.0, 3.0], {"units": "m"})}, coords={"omega": [1.0, 2.0]})
     data.to_netcdf(tmp_path / "frequency.nc", engine="scipy")
@@ -655,7 +709,7 @@ def test_plans_are_compared_by_their_numbers(tmp_path):
 
 def test_kinds_that_differ_are_refused(tmp_path):
     one, other = summary_file(tmp_path / "a", "report"), summary_file(tmp_path / "b", "frequency")
-    with pytest.raises(ScenarioError, match="kind 'report' with 'frequency'"):
+    with pytest.raises(InputError, match="kind 'report' with 'frequency'"):
         compare(one, other)
 
 

@@ -10,15 +10,20 @@ from pydrake.math import RollPitchYaw, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.symbolic import Expression, MakeVectorVariable
 
-from flipdiagram.errors import PlanningError, ScenarioError
+from flipdiagram.errors import InputError, PlanningError
 from flipdiagram.robot import model_files as assets
 from flipdiagram.robot import task_space
 from flipdiagram.robot.arm import AXES, ArmModel, add_arm
 
 # alpha [deg], a [m], d [m], theta_0 [deg] of S L U R B T
 MODIFIED_DH = (
-    (0, 0, 0.290, 0), (-90, 0, 0, -90), (0, 0.260, 0, 0), (-90, 0.030, 0.270, 0), (90, 0, 0, 0), (-90, 0, 0.090, 0),
-)  # fmt: skip
+    (0, 0, 0.290, 0),
+    (-90, 0, 0, -90),
+    (0, 0.260, 0, 0),
+    (-90, 0.030, 0.270, 0),
+    (90, 0, 0, 0),
+    (-90, 0, 0.090, 0),
+)
 START = np.array([0, 0.35, 0, 0.5, 0, 0])
 REFLECTED = np.array([0.036, 0.183, 0.052, 0.024, 0.017, 0.011])  # [kg m^2], rotors alone
 
@@ -165,7 +170,7 @@ def test_symbolic_form_evaluates_to_the_numbers(arm, states):
 
 
 def test_an_unknown_scalar_type_is_refused(arm):
-    with pytest.raises(ScenarioError, match="choose from float, AutoDiffXd, Expression"):
+    with pytest.raises(InputError, match="choose from float, AutoDiffXd, Expression"):
         arm.to_scalar(int)
 
 
@@ -275,9 +280,13 @@ def test_the_torques_power_is_the_change_of_energy(arm, states):
 def test_gravity_torque_of_the_horizontal_arm_by_hand(arm):
     # L at +90 deg, U at -90 deg: upper arm, forearm and spatula in one horizontal line. kg and m from the L axis.
     moments = (
-        4.10 * 0.097 + 3.20 * (0.26 + 0.023) + 1.30 * (0.53 - 0.069) + 0.60 * 0.53 + 0.15 * (0.62 - 0.009)
+        4.10 * 0.097
+        + 3.20 * (0.26 + 0.023)
+        + 1.30 * (0.53 - 0.069)
+        + 0.60 * 0.53
+        + 0.15 * (0.62 - 0.009)
         + 0.150 * (0.62 + 0.076033)
-    )  # fmt: skip
+    )
     holding = arm.gravity_torque([0, math.pi / 2, -math.pi / 2, 0, 0, 0])
     assert holding[1] == pytest.approx(-9.81 * moments, rel=1e-6)
     assert holding[0] == pytest.approx(0, abs=1e-12)
@@ -315,18 +324,18 @@ def test_link_inertia_scale_scales_all_but_rotors_and_spatula(arm):
     ],
 )
 def test_bad_options_are_named(options, message):
-    with pytest.raises(ScenarioError, match=message.replace(".", r"\.")):
+    with pytest.raises(InputError, match=message.replace(".", r"\.")):
         ArmModel(**options)
 
 
 def test_bad_vectors_are_named(arm):
-    with pytest.raises(ScenarioError, match=r"q has shape \(5,\); valid is \(6,\): S L U R B T"):
+    with pytest.raises(InputError, match=r"q has shape \(5,\); valid is \(6,\): S L U R B T"):
         arm.task_position(np.zeros(5))
-    with pytest.raises(ScenarioError, match=r"qd has shape"):
+    with pytest.raises(InputError, match=r"qd has shape"):
         arm.task_kinematics(np.zeros(6), np.zeros((6, 1)))
-    with pytest.raises(ScenarioError, match=r"xs has shape \(6,\); valid is \(N, 6\)"):
+    with pytest.raises(InputError, match=r"xs has shape \(6,\); valid is \(N, 6\)"):
         arm.inverse_kinematics_path(START)
-    with pytest.raises(ScenarioError, match="not finite"):
+    with pytest.raises(InputError, match="not finite"):
         arm.inverse_kinematics([0, math.nan, 0, 0.5, 0, 0])
 
 
@@ -364,5 +373,5 @@ def test_another_arm_may_have_another_number_of_joints(tmp_path):
 def test_an_arm_file_that_lacks_something_is_refused(tmp_path, old, new, message):
     path = tmp_path / "arm.urdf"
     path.write_text(assets.model_path("mh3f.urdf").read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
-    with pytest.raises(ScenarioError, match=message):
+    with pytest.raises(InputError, match=message):
         ArmModel(arm=str(path))

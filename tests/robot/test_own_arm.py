@@ -1,13 +1,12 @@
 """Arms, tools and objects of the user's own: the same arm in three formats, two arms of a package, and what is refused."""
 
-
 import numpy as np
 import pytest
 from robots import package_file
 
 from flipdiagram.blocks.inverse_jacobian import joint_acceleration
 from flipdiagram.diagrams.loop import build_loop
-from flipdiagram.errors import PlanningError, ScenarioError
+from flipdiagram.errors import InputError, PlanningError
 from flipdiagram.planning import plan_motion
 from flipdiagram.robot import model_files as assets
 from flipdiagram.robot.arm import ArmModel
@@ -18,9 +17,13 @@ from flipdiagram.simulation.simulate import simulate
 
 # name, parent, place of the joint in the parent [m], axis, mass [kg]: an elbow arm, and a finger beside the chain
 LINKS = [
-    ("j1", "base", (0, 0, 0.3), "z", 3.0), ("j2", "l1", (0, 0, 0), "y", 3.0), ("j3", "l2", (0, 0, 0.26), "y", 2.0),
-    ("j4", "l3", (0.2, 0, 0.03), "x", 1.0), ("j5", "l4", (0.07, 0, 0), "y", 0.6), ("j6", "l5", (0, 0, 0), "x", 0.3),
-]  # fmt: skip
+    ("j1", "base", (0, 0, 0.3), "z", 3.0),
+    ("j2", "l1", (0, 0, 0), "y", 3.0),
+    ("j3", "l2", (0, 0, 0.26), "y", 2.0),
+    ("j4", "l3", (0.2, 0, 0.03), "x", 1.0),
+    ("j5", "l4", (0.07, 0, 0), "y", 0.6),
+    ("j6", "l5", (0, 0, 0), "x", 0.3),
+]
 AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
 EFFORT, SPEED, RANGE = 90.0, 6.0, 2.9
 LIMITS = {"torque_limits": (EFFORT,) * 6, "speed_limits": (SPEED,) * 6}
@@ -32,8 +35,10 @@ def xyz(values):
 
 
 def urdf():
-    parts = ['<robot name="elbow"><link name="world"/><link name="base"/>',
-             '<joint name="stand" type="fixed"><parent link="world"/><child link="base"/></joint>']  # fmt: skip
+    parts = [
+        '<robot name="elbow"><link name="world"/><link name="base"/>',
+        '<joint name="stand" type="fixed"><parent link="world"/><child link="base"/></joint>',
+    ]
     for k, (name, parent, place, axis, mass) in enumerate(LINKS, 1):
         parts.append(f"""<link name="l{k}"><inertial><mass value="{mass}"/>
           <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
@@ -67,14 +72,20 @@ def sdf():
 
 
 def mjcf():
-    text, end = '<mujoco model="elbow"><compiler angle="radian"/><worldbody><body name="base"><geom type="box" size=".01 .01 .01" mass="1"/>', ""
+    text, end = (
+        '<mujoco model="elbow"><compiler angle="radian"/><worldbody><body name="base"><geom type="box" size=".01 .01 .01" mass="1"/>',
+        "",
+    )
     for k, (name, _, place, axis, mass) in enumerate(LINKS, 1):
         text += f"""<body name="l{k}" pos="{xyz(place)}"><joint name="{name}" axis="{xyz(AXES[axis])}" range="-{RANGE} {RANGE}"/>
           <inertial pos="0 0 0" mass="{mass}" diaginertia="0.01 0.01 0.01"/>"""
         end += "</body>"
     text += """<body name="tcp" pos="0.05 0 0" quat="0.70710678118654757 0 0.70710678118654757 0"><inertial pos="0 0 0" mass="1e-9" diaginertia="1e-12 1e-12 1e-12"/></body>
       <body name="finger"><joint name="grip" type="slide" axis="0 1 0"/><inertial pos="0 0 0" mass="0.1" diaginertia="0.001 0.001 0.001"/></body>"""
-    actuators = "".join(f'<motor name="m{name}" joint="{name}" ctrlrange="-{EFFORT} {EFFORT}" ctrllimited="true"/>' for name, *_ in reversed(LINKS))
+    actuators = "".join(
+        f'<motor name="m{name}" joint="{name}" ctrlrange="-{EFFORT} {EFFORT}" ctrllimited="true"/>'
+        for name, *_ in reversed(LINKS)
+    )
     return f"{text}{end}</body></worldbody><actuator>{actuators}</actuator></mujoco>"
 
 
@@ -111,7 +122,9 @@ def test_the_tip_of_the_elbow_arm_lies_where_trigonometry_puts_it(tmp_path):
 
 def test_the_base_may_stand_elsewhere_and_the_spatula_be_turned_on_the_flange(tmp_path):
     still, moved = arm_of(tmp_path, "arm.urdf"), arm_of(tmp_path, "arm.urdf", base_pose=(0.1, -0.2, 0.05, 0.0))
-    np.testing.assert_allclose(moved.task_position(HOME) - still.task_position(HOME), [-0.2, 0.05, 0, 0.1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(
+        moved.task_position(HOME) - still.task_position(HOME), [-0.2, 0.05, 0, 0.1, 0, 0], atol=1e-12
+    )
     turned = arm_of(tmp_path, "arm.urdf", mount_angle=np.pi + 0.4)
     assert turned.task_position(HOME)[2] == pytest.approx(0.4, abs=1e-9)
 
@@ -123,14 +136,20 @@ def test_given_rotor_inertia_stands_on_the_diagonal_of_the_mass_matrix(tmp_path)
 
 
 UR5 = {
-    "arm.file": "ur_description/urdf/ur5_joint_limited_robot.urdf", "arm.base": "base_link", "arm.flange": "tool0",
+    "arm.file": "ur_description/urdf/ur5_joint_limited_robot.urdf",
+    "arm.base": "base_link",
+    "arm.flange": "tool0",
     "arm.reflected_inertia": (1.5, 1.5, 1.0, 0.3, 0.3, 0.3),
-}  # fmt: skip
+}
 PANDA = {
-    "arm.file": "panda_description/urdf/panda.urdf", "arm.base": "panda_link0", "arm.flange": "panda_link8",
-    "arm.base_pose": (0.0, 0.0, -0.2, 0.0), "arm.mount_angle": 0.75, "task.start_x": 0.55,
+    "arm.file": "panda_description/urdf/panda.urdf",
+    "arm.base": "panda_link0",
+    "arm.flange": "panda_link8",
+    "arm.base_pose": (0.0, 0.0, -0.2, 0.0),
+    "arm.mount_angle": 0.75,
+    "task.start_x": 0.55,
     "arm.reflected_inertia": (0.6, 0.6, 0.5, 0.5, 0.2, 0.2, 0.2),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("fields", "joints"), [(UR5, 6), (PANDA, 7)], ids=["UR5", "Panda"])
@@ -171,7 +190,10 @@ REFUSED = {
     "unknown flange": ({"flange": "tip"}, "has no link or frame 'tip'; choose from"),
     "flange off the base": ({"base": "finger"}, "'tcp' is not carried by 'finger'"),
     "too few joints": ({"base": "l1"}, "has 5 moving joints; valid are at least 6"),
-    "home of another arm": ({"home": (0.0,)}, "'arm.home' = [0.0] has 1 entries; valid is one per joint, j1 j2 j3 j4 j5 j6"),
+    "home of another arm": (
+        {"home": (0.0,)},
+        "'arm.home' = [0.0] has 1 entries; valid is one per joint, j1 j2 j3 j4 j5 j6",
+    ),
 }
 
 
@@ -180,20 +202,20 @@ def test_an_arm_that_will_not_do_is_refused_with_the_reason(tmp_path, fields, me
     (tmp_path / "arm.urdf").write_text(urdf(), encoding="utf-8")
     named = {"file": str(tmp_path / "arm.urdf"), "flange": "tcp"} | fields
     scenario = Scenario().with_overrides({f"arm.{name}": value for name, value in named.items()})
-    with pytest.raises(ScenarioError) as refused:
+    with pytest.raises(InputError) as refused:
         build_loop(scenario)
     assert message in str(refused.value) and "\n" not in str(refused.value)
 
 
 def test_fields_of_another_arm_need_one():
-    with pytest.raises(ScenarioError, match=r"'arm.home' = .* valid is the default unless arm.file names another arm"):
+    with pytest.raises(InputError, match=r"'arm.home' = .* valid is the default unless arm.file names another arm"):
         Scenario().with_overrides({"arm.home": (0.0,) * 6})
 
 
 def test_a_sdf_cannot_scale_its_links(tmp_path):
     (tmp_path / "arm.sdf").write_text(sdf(), encoding="utf-8")
     fields = {"arm.file": str(tmp_path / "arm.sdf"), "arm.flange": "tcp", "arm.link_inertia_scale": 1.3}
-    with pytest.raises(ScenarioError, match="arm.link_inertia_scale needs a URDF"):
+    with pytest.raises(InputError, match="arm.link_inertia_scale needs a URDF"):
         build_loop(Scenario().with_overrides(fields))
 
 
@@ -202,9 +224,14 @@ def test_our_tool_and_block_as_files_give_the_same_run(tmp_path):
     default, short = Scenario(), {"simulation.hold_time": 0.05, "simulation.settle_time": 0.0}
     thing, tool = default.object, default.tool
     (tmp_path / "block.sdf").write_text(
-        assets.block_sdf(size=(thing.width, thing.length, thing.thickness), mass=thing.mass, friction=thing.friction,
-                         hydroelastic_modulus=1e6, hunt_crossley_dissipation=20.0)
-    )  # fmt: skip
+        assets.block_sdf(
+            size=(thing.width, thing.length, thing.thickness),
+            mass=thing.mass,
+            friction=thing.friction,
+            hydroelastic_modulus=1e6,
+            hunt_crossley_dissipation=20.0,
+        )
+    )
     blade = (tool.blade_length, tool.blade_width, tool.blade_thickness)
     text = assets.spatula_urdf(blade_size=blade, tool_length=tool.reach, mass=tool.mass, friction=thing.friction)
     (tmp_path / "spatula.urdf").write_text(text)
@@ -218,5 +245,5 @@ def test_our_tool_and_block_as_files_give_the_same_run(tmp_path):
 
 def test_an_object_that_weighs_something_else_is_refused(tmp_path):
     (tmp_path / "block.sdf").write_text(assets.block_sdf(mass=0.2))
-    with pytest.raises(ScenarioError, match=r"weighs 0.2 kg; valid is object.mass = 0.061 kg"):
+    with pytest.raises(InputError, match=r"weighs 0.2 kg; valid is object.mass = 0.061 kg"):
         build_loop(Scenario().with_overrides({"object.file": str(tmp_path / "block.sdf")}))

@@ -11,7 +11,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.robot import model_files as assets
 from flipdiagram.robot import own_files as arm_files
 
@@ -126,10 +126,9 @@ def test_spatula_inertia_in_the_file_is_that_of_its_shape():
         centre = (blade * 0.14 + handle * 0.045) / 0.150
         np.testing.assert_allclose(inertia.get_com(), [centre, 0, -0.001], atol=1e-6)
         about_com = inertia.Shift(inertia.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
-        iyy = (
-            blade * ((0.100**2 + 0.002**2) / 12 + (0.14 - centre) ** 2)
-            + handle * ((3 * 0.008**2 + 0.090**2) / 12 + (0.045 - centre) ** 2)
-        )  # fmt: skip
+        iyy = blade * ((0.100**2 + 0.002**2) / 12 + (0.14 - centre) ** 2) + handle * (
+            (3 * 0.008**2 + 0.090**2) / 12 + (0.045 - centre) ** 2
+        )
         assert about_com[1, 1] == pytest.approx(iyy, rel=1e-4)
         assert about_com[0, 0] == pytest.approx(blade * (0.09**2 + 0.002**2) / 12 + handle * 0.008**2 / 2, rel=1e-4)
 
@@ -155,10 +154,7 @@ def test_block_is_a_homogeneous_box_of_the_papers_size():
         assert inertia.get_mass() == 0.061
         expected = 0.061 / 12 * np.array([65**2 + 10**2, 62**2 + 10**2, 65**2 + 62**2]) * 1e-6
         np.testing.assert_allclose(inertia.CalcRotationalInertia().get_moments(), expected, rtol=1e-5)
-        assert {e.text for e in ElementTree.fromstring(text).iter("size")} <= {
-            "0.062 0.065 0.010",
-            "0.062 0.065 0.01",
-        }
+        assert {e.text for e in ElementTree.fromstring(text).iter("size")} <= {"0.062 0.065 0.010", "0.062 0.065 0.01"}
 
 
 def test_block_takes_the_scenarios_numbers():
@@ -182,25 +178,16 @@ def test_table_hangs_below_its_frame():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (
-            lambda: assets.model_path("mh5.urdf"),
-            "no model file 'mh5.urdf'; choose from .*mh3f.urdf, spatula.urdf",
-        ),
-        (
-            lambda: assets.spatula_urdf(tool_length=0.05),
-            "leaves no handle; valid is more than half the blade, 0.05 m",
-        ),
+        (lambda: assets.model_path("mh5.urdf"), "no model file 'mh5.urdf'; choose from .*mh3f.urdf, spatula.urdf"),
+        (lambda: assets.spatula_urdf(tool_length=0.05), "leaves no handle; valid is more than half the blade, 0.05 m"),
         (lambda: assets.spatula_urdf(blade_size=(0.1, 0.1)), "valid are three lengths"),
-        (
-            lambda: assets.spatula_urdf(friction=-0.1),
-            "friction = -0.1 is not valid; valid is a number of at least 0",
-        ),
+        (lambda: assets.spatula_urdf(friction=-0.1), "friction = -0.1 is not valid; valid is a number of at least 0"),
         (lambda: assets.block_sdf(size=(0.1, 0.0, 0.1)), r"size\[1\] = 0.0 is not valid"),
         (lambda: assets.block_sdf(mass=float("inf")), "mass = inf"),
     ],
 )
 def test_bad_numbers_are_named(call, message):
-    with pytest.raises(ScenarioError, match=message):
+    with pytest.raises(InputError, match=message):
         call()
 
 

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.scenario import text as scenario_io
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, field_paths, from_mapping, from_yaml, load
 
@@ -32,7 +32,9 @@ def test_every_field_says_what_it_is_and_in_which_unit():
         section, name = path.split(".")
         field = scenario_io.section_of(Scenario, section).model_fields[name]
         assert field.description, path
-        assert field.description.endswith("]") or scenario_io.describe_valid(field).startswith(("one of", "a text")), path
+        assert field.description.endswith("]") or scenario_io.describe_valid(field).startswith(("one of", "a text")), (
+            path
+        )
 
 
 # Each row: YAML, then what its one line must contain.
@@ -80,7 +82,7 @@ BAD = {
 
 @pytest.mark.parametrize(("text", "parts"), [(row[0], row[1:]) for row in BAD.values()], ids=BAD)
 def test_a_bad_scenario_ends_in_one_line_with_field_value_and_what_is_valid(text, parts):
-    with pytest.raises(ScenarioError) as caught:
+    with pytest.raises(InputError) as caught:
         from_yaml(text)
     message = str(caught.value)
     assert "\n" not in message
@@ -105,7 +107,7 @@ def test_numbers_are_read_as_they_look(text, value):
 
 @pytest.mark.parametrize("text", ["1:30", "1_000", "0x10", "1,5"])
 def test_numbers_of_older_yaml_are_refused_rather_than_guessed(text):
-    with pytest.raises(ScenarioError, match="a finite number"):
+    with pytest.raises(InputError, match="a finite number"):
         from_yaml(f"controller:\n  k_p: {text}")
 
 
@@ -157,7 +159,7 @@ def test_overrides_change_the_fields_named_and_no_other(changes):
 def test_any_text_gives_a_scenario_or_one_line(text):
     try:
         assert isinstance(from_yaml(text), Scenario)
-    except ScenarioError as error:
+    except InputError as error:
         assert len(str(error).splitlines()) == 1
 
 
@@ -166,14 +168,14 @@ def test_any_value_of_a_field_is_taken_or_refused_in_one_line(value):
     valid = isinstance(value, (int, float)) and not isinstance(value, bool) and value > 0 and math.isfinite(value)
     try:
         assert Scenario().with_overrides({"object.mass": value}).object.mass == value and valid
-    except ScenarioError as error:
+    except InputError as error:
         assert not valid
         assert len(str(error).splitlines()) == 1 and "'object.mass'" in str(error)
 
 
 @pytest.mark.parametrize("path", ["controller.k_q", "controller", "k_p", "", ".", "controller.k_p.x", "a.b"])
 def test_an_override_of_no_field_is_refused(path):
-    with pytest.raises(ScenarioError, match="does not exist"):
+    with pytest.raises(InputError, match="does not exist"):
         Scenario().with_overrides({path: 1.0})
 
 
@@ -201,7 +203,7 @@ def test_load_names_the_file_that_it_cannot_read(tmp_path):
     latin = tmp_path / "latin.yaml"
     latin.write_bytes(b"\xff\xfe\xff")
     for path, reason in ((tmp_path / "none.yaml", "No such file"), (tmp_path, "Is a directory"), (latin, "UTF-8")):
-        with pytest.raises(ScenarioError, match=reason) as caught:
+        with pytest.raises(InputError, match=reason) as caught:
             load(path)
         assert str(path) in str(caught.value)
 

@@ -42,7 +42,8 @@ def test_the_arm_reaches_the_same_places_with_a_turned_blade():
 
 
 @pytest.mark.parametrize(
-    ("start", "target"), [((0.5, 0.0), (0.5, 0.0)), ((0.5, 0.1), (0.4, 0.0)), ((0.45, -0.05), (0.5, 0.05)), ((0.5, 0.0), (0.42, 0.0))]
+    ("start", "target"),
+    [((0.5, 0.0), (0.5, 0.0)), ((0.5, 0.1), (0.4, 0.0)), ((0.45, -0.05), (0.5, 0.05)), ((0.5, 0.0), (0.42, 0.0))],
 )
 def test_between_puts_start_and_target_into_the_plane(start, target):
     scenario = Scenario().between(start, target)

@@ -184,7 +184,9 @@ def test_work_is_the_torque_times_the_way_of_the_joint(flip):
     way = np.diff(flip["q"].values, axis=0)
     work = np.vstack([np.zeros(6), np.cumsum(flip["tau"].values[:-1] * way, axis=0)])
     start = int(np.searchsorted(flip["time"].values, 0.0))
-    np.testing.assert_allclose(flip["energy"], work - work[start], atol=0.3)  # the step end alone: first order in the step
+    np.testing.assert_allclose(
+        flip["energy"], work - work[start], atol=0.3
+    )  # the step end alone: first order in the step
 
 
 def usual(off):

@@ -149,7 +149,17 @@ def test_measure_gives_the_contracts_entries(data):
     entries = metrics.measure(data).as_dict()
     assert list(entries["touchdown"]) == ["time_s", "y_m", "z_m", "theta_rad"]
     assert {
-        "architecture", "start_y_m", "success", "touchdown", "position_rmse_m", "angle_rmse_rad", "acceleration_rmse_m_s2",
-        "max_torque_Nm", "max_slip_m", "max_lift_off_m", "velocity_delay_s", "endpoint_vibration_m_s",
-    } <= set(entries)  # fmt: skip
+        "architecture",
+        "start_y_m",
+        "success",
+        "touchdown",
+        "position_rmse_m",
+        "angle_rmse_rad",
+        "acceleration_rmse_m_s2",
+        "max_torque_Nm",
+        "max_slip_m",
+        "max_lift_off_m",
+        "velocity_delay_s",
+        "endpoint_vibration_m_s",
+    } <= set(entries)
     assert len(entries["max_torque_Nm"]) == 6

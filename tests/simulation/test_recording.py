@@ -24,7 +24,11 @@ def test_roll_is_unwrapped():
     np.testing.assert_allclose(recording.roll(np.hstack([q, np.zeros((50, 3))])), rolls, atol=1e-12)
 
 
-@given(rpy=st.tuples(angles, st.floats(-1.4, 1.4), angles), p=st.tuples(angles, angles, angles), b=st.tuples(angles, angles, angles))
+@given(
+    rpy=st.tuples(angles, st.floats(-1.4, 1.4), angles),
+    p=st.tuples(angles, angles, angles),
+    b=st.tuples(angles, angles, angles),
+)
 def test_in_tool_is_the_inverse_pose_applied(rpy, p, b):
     import xarray as xr
 

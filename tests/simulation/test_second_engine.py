@@ -10,7 +10,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 from scipy.spatial.transform import Rotation
 
-from flipdiagram.errors import ScenarioError, SimulationError
+from flipdiagram.errors import InputError, SimulationError
 from flipdiagram.robot.parts import add_parts
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation import metrics
@@ -231,20 +231,20 @@ def test_drakes_flip_succeeds_in_mujoco_too_and_what_is_not_the_blocks_stays():
 
 def test_without_mujoco_the_error_says_how_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(ScenarioError, match=r"pip install 'flipdiagram\[bench\]'"):
+    with pytest.raises(InputError, match=r"pip install 'flipdiagram\[bench\]'"):
         replay_in_mujoco(recording(at()))
 
 
 def test_a_recording_without_its_scenario_or_signals_is_refused():
     data = recording(at())
-    with pytest.raises(ScenarioError, match="lacks finite block_pose, scenario;"):
+    with pytest.raises(InputError, match="lacks finite block_pose, scenario;"):
         replay_in_mujoco(data.drop_vars("block_pose").drop_attrs())
 
 
 def test_a_recording_that_is_not_finite_is_refused():
     data = recording(at())
     data["tool_pose"].values[7, 4] = np.nan
-    with pytest.raises(ScenarioError, match="lacks finite tool_pose;"):
+    with pytest.raises(InputError, match="lacks finite tool_pose;"):
         replay_in_mujoco(data, NOW)
 
 
@@ -262,11 +262,16 @@ def test_a_state_that_is_not_finite_ends_in_an_error(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "value", "valid"),
-    [("cone", "round", "elliptic or pyramidal"), ("condim", 1, "3 or 4 or 6"), ("timestep", 0.0, "1e-06 to 0.01"),
-     ("time_constant", 1e-4, "0.0002 to 1"), ("impedance", float("nan"), "0.01 to 0.9999")],
-)  # fmt: skip
+    [
+        ("cone", "round", "elliptic or pyramidal"),
+        ("condim", 1, "3 or 4 or 6"),
+        ("timestep", 0.0, "1e-06 to 0.01"),
+        ("time_constant", 1e-4, "0.0002 to 1"),
+        ("impedance", float("nan"), "0.01 to 0.9999"),
+    ],
+)
 def test_a_bad_setting_is_named(name, value, valid):
-    with pytest.raises(ScenarioError, match=f"'{name}' = .*valid is {valid}"):
+    with pytest.raises(InputError, match=f"'{name}' = .*valid is {valid}"):
         Settings(**{name: value})
 
 

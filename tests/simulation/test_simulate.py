@@ -148,10 +148,13 @@ def test_a_motion_that_takes_longer_when_planned_again_is_simulated_to_its_end()
     """Other horizons are allowed, and from 2 cm off a longer contact phase costs less."""
     longer = Scenario().with_overrides(
         {
-            "planner.replan_period": 0.04, "planner.replan_search": 2, "disturbance.start_error": 0.02,
-            "simulation.hold_time": 0.1, "simulation.settle_time": 0.05,
+            "planner.replan_period": 0.04,
+            "planner.replan_search": 2,
+            "disturbance.start_error": 0.02,
+            "simulation.hold_time": 0.1,
+            "simulation.settle_time": 0.05,
         }
-    )  # fmt: skip
+    )
     run = simulate(longer, "pd+ff+dob")
     data = run.recording
     assert data.attrs["end_time_s"] > run.plan.duration + 0.01
@@ -162,9 +165,13 @@ def test_a_motion_that_takes_longer_when_planned_again_is_simulated_to_its_end()
 def test_an_arm_that_does_not_follow_cannot_put_off_the_release_for_ever():
     """PD sags onto a table that is higher than planned; contact ends after planner.contact_samples at the latest."""
     fields = {
-        "planner.replan_period": 0.04, "planner.replan_search": 5, "planner.solver": "daqp", "disturbance.table_error": 0.03,
-        "simulation.hold_time": 0.3, "simulation.settle_time": 0.05,
-    }  # fmt: skip
+        "planner.replan_period": 0.04,
+        "planner.replan_search": 5,
+        "planner.solver": "daqp",
+        "disturbance.table_error": 0.03,
+        "simulation.hold_time": 0.3,
+        "simulation.settle_time": 0.05,
+    }
     scenario = Scenario().with_overrides(fields)
     data = simulate(scenario, "pd").recording
     longest = scenario.planner.contact_samples[1] * scenario.planner.sampling_time

@@ -41,7 +41,9 @@ def test_friction_angle_of_the_papers_block():
 
 def test_max_static_friction_is_eq_6():
     # 1.86 · 0.061 kg · 9.81 m/s² = 1.11304 N on a level tool, half of it at 60°
-    np.testing.assert_allclose(contact.max_static_friction(1.86, 0.061, [0, np.pi / 3]), [1.113043, 0.556521], atol=1e-6)
+    np.testing.assert_allclose(
+        contact.max_static_friction(1.86, 0.061, [0, np.pi / 3]), [1.113043, 0.556521], atol=1e-6
+    )
 
 
 def test_at_the_friction_angle_a_still_block_just_holds():
@@ -195,8 +197,10 @@ def test_all_functions_broadcast_over_samples():
     for rows, single in (
         (contact.sliding_angle(plane, theta), lambda k: contact.sliding_angle(plane[k], theta[k])),
         (contact.friction_margin(plane, theta, 1.86), lambda k: contact.friction_margin(plane[k], theta[k], 1.86)),
-        (contact.centre_of_pressure(a, theta, 0.005, 4e-4),
-         lambda k: contact.centre_of_pressure(a[k], theta[k], 0.005, 4e-4)),
-    ):  # fmt: skip
+        (
+            contact.centre_of_pressure(a, theta, 0.005, 4e-4),
+            lambda k: contact.centre_of_pressure(a[k], theta[k], 0.005, 4e-4),
+        ),
+    ):
         np.testing.assert_array_equal(rows, [single(k) for k in range(7)])
     assert contact.acceleration(np.ones(7), 0.1, theta).shape == (7, 2)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal
 
-from flipdiagram.errors import ScenarioError, SimulationError
+from flipdiagram.errors import InputError, SimulationError
 from flipdiagram.theory.transfer import Loop1Dof
 
 PAPER = {"mass": 1.0, "k_p": 900.0, "k_v": 60.0, "g_dis": 30.0, "nominal_mass": 1.0, "reference_mass": 1.0}
@@ -60,9 +60,18 @@ def numeric(form: Loop1Dof, omega: float):
 
 
 CASES = [
-    dict(g_dis=g, nominal_mass=r, reference_mass=r if scaled and r else 1.0, velocity_cutoff=g_v, feedforward=ff, acceleration_cutoff=60.0)
-    for g, r, scaled, g_v, ff in product((0.0, 30.0), (0.0, 0.5, 2.0), (False, True), (None, 62.8), ("none", "command", "measured"))
-]  # fmt: skip
+    dict(
+        g_dis=g,
+        nominal_mass=r,
+        reference_mass=r if scaled and r else 1.0,
+        velocity_cutoff=g_v,
+        feedforward=ff,
+        acceleration_cutoff=60.0,
+    )
+    for g, r, scaled, g_v, ff in product(
+        (0.0, 30.0), (0.0, 0.5, 2.0), (False, True), (None, 62.8), ("none", "command", "measured")
+    )
+]
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
@@ -74,10 +83,24 @@ def test_the_sampled_form_is_the_loop_written_tick_by_tick(case):
 
 
 @given(
-    st.floats(0.1, 10), st.floats(10, 2000), st.floats(5, 200), st.floats(1, 300), st.floats(0, 2), st.sampled_from(["none", "command"])
-)  # fmt: skip
+    st.floats(0.1, 10),
+    st.floats(10, 2000),
+    st.floats(5, 200),
+    st.floats(1, 300),
+    st.floats(0, 2),
+    st.sampled_from(["none", "command"]),
+)
 def test_poles_are_the_eigenvalues(mass, k_p, k_v, g, ratio, ff):
-    form = loop(mass=mass, k_p=k_p, k_v=k_v, g_dis=g, nominal_mass=ratio * mass, reference_mass=mass, feedforward=ff, period=1e-3)
+    form = loop(
+        mass=mass,
+        k_p=k_p,
+        k_v=k_v,
+        g_dis=g,
+        nominal_mass=ratio * mass,
+        reference_mass=mass,
+        feedforward=ff,
+        period=1e-3,
+    )
     A = state_space(form)[0][:3, :3]
     poles = form.poles()
     assert len(poles) == 3
@@ -88,7 +111,9 @@ def test_poles_are_the_eigenvalues(mass, k_p, k_v, g, ratio, ff):
 
 def test_the_continuous_form_is_the_limit_and_scipys_response():
     form = loop(nominal_mass=0.5, feedforward="command")
-    assert np.allclose(loop(nominal_mass=0.5, feedforward="command", period=1e-7).command(OMEGA), form.command(OMEGA), rtol=1e-3)
+    assert np.allclose(
+        loop(nominal_mass=0.5, feedforward="command", period=1e-7).command(OMEGA), form.command(OMEGA), rtol=1e-3
+    )
     # (s + g)(s^2 + k_v s + k_p) / (s^3 + g r s^2 + (s + g)(k_v s + k_p)), the formula known beforehand times s/s
     numerator = np.polymul([1, 30], [1, 60, 900])
     denominator = np.polyadd([1, 15, 0, 0], np.polymul([1, 30], [60, 900]))
@@ -124,12 +149,17 @@ def test_numbers_known_beforehand():
     s, a, g = 1j * OMEGA, 2.0, 30.0
     inner = a * (s + g) / (s + a * g)
     pd = 60 * s + 900
-    assert np.allclose(loop(nominal_mass=2.0, reference_mass=2.0).command(OMEGA), inner * pd / (s**2 + inner * pd), rtol=1e-12)
+    assert np.allclose(
+        loop(nominal_mass=2.0, reference_mass=2.0).command(OMEGA), inner * pd / (s**2 + inner * pd), rtol=1e-12
+    )
 
 
 @given(st.floats(0, 2), st.floats(1, 300), st.sampled_from([None, 62.8]))
 def test_feedforward_lowers_the_torque_just_below_the_root_of_twice_k_p(ratio, g, g_v):
-    forms = [loop(nominal_mass=ratio, g_dis=g, velocity_cutoff=g_v, feedforward=ff, period=1e-4) for ff in ("command", "none")]
+    forms = [
+        loop(nominal_mass=ratio, g_dis=g, velocity_cutoff=g_v, feedforward=ff, period=1e-4)
+        for ff in ("command", "none")
+    ]
     for omega, smaller in ((math.sqrt(1800) * 0.999, True), (math.sqrt(1800) * 1.001, False)):
         assert (abs(forms[0].torque(omega)) < abs(forms[1].torque(omega))) == smaller
 
@@ -152,11 +182,13 @@ def test_an_unstable_loop_is_named_with_its_pole():
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf, math.pi / 1e-4])
 def test_frequencies_that_are_none(bad):
-    with pytest.raises(ScenarioError, match="must be finite, > 0 and below"):
+    with pytest.raises(InputError, match="must be finite, > 0 and below"):
         loop(period=1e-4).command([1.0, bad])
 
 
-@pytest.mark.parametrize("bad", [{"mass": 0.0}, {"k_p": -1.0}, {"k_v": math.nan}, {"g_dis": -3.0}, {"feedforward": "measured"}])
+@pytest.mark.parametrize(
+    "bad", [{"mass": 0.0}, {"k_p": -1.0}, {"k_v": math.nan}, {"g_dis": -3.0}, {"feedforward": "measured"}]
+)
 def test_numbers_that_make_no_loop(bad):
-    with pytest.raises(ScenarioError, match="it must be finite and"):
+    with pytest.raises(InputError, match="it must be finite and"):
         loop(**bad)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from flipdiagram.arrays import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning.native import chain as kinematics
 from flipdiagram.planning.native import dynamics
 from flipdiagram.robot.serial_chain import SerialChain
-from flipdiagram.theory.contact import Floats
 
 
 class Along:
@@ -24,9 +24,22 @@ class Along:
         self.links, self.from_task = np.empty((count, n, 3, 3)), np.empty((count, n, 6))
         self.qd, self.bias = np.empty((count, n)), np.empty((count, 6))
         self.regular = kinematics.along(
-            q, v, chain.axes, chain.points, chain.centres, chain.inertias, chain.tip, chain.tip_turn,
-            self.w, self.o, self.c, self.links, self.from_task, self.qd, self.bias,
-        )  # fmt: skip
+            q,
+            v,
+            chain.axes,
+            chain.points,
+            chain.centres,
+            chain.inertias,
+            chain.tip,
+            chain.tip_turn,
+            self.w,
+            self.o,
+            self.c,
+            self.links,
+            self.from_task,
+            self.qd,
+            self.bias,
+        )
 
     def checked(self) -> Along:
         """Itself; raises PlanningError where a pose is singular."""
@@ -37,17 +50,26 @@ class Along:
         """τ (K, n) for tool accelerations a (K, 3)."""
         chain, tau = self.chain, np.empty_like(self.qd)
         dynamics.torques(
-            self.qd, a, self.from_task, self.bias, chain.gravity, self.w, self.o, self.c, self.links,
-            chain.mass, chain.rotor, chain.damping, tau,
-        )  # fmt: skip
+            self.qd,
+            a,
+            self.from_task,
+            self.bias,
+            chain.gravity,
+            self.w,
+            self.o,
+            self.c,
+            self.links,
+            chain.mass,
+            chain.rotor,
+            chain.damping,
+            tau,
+        )
         return tau
 
     def inertia_of_task(self) -> Floats:
         """∂τ/∂a (K, n, 3)."""
         chain, found = self.chain, np.empty((*self.qd.shape, 3))
-        dynamics.inertia_of_task(
-            self.from_task, self.w, self.o, self.c, self.links, chain.mass, chain.rotor, found
-        )
+        dynamics.inertia_of_task(self.from_task, self.w, self.o, self.c, self.links, chain.mass, chain.rotor, found)
         return found
 
 

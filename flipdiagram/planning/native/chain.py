@@ -24,9 +24,24 @@ ITERATIONS = 12
 LONGEST_STEP = 0.3
 """Most that a joint turns from one sample to the next [rad], as in inverse_kinematics."""
 
+
 @jit
-def place(q: Any, axes: Any, points: Any, centres: Any, inertias: Any, tip: Any, tip_turn: Any, massive: bool,
-          w: Any, o: Any, c: Any, links: Any, end: Any, scratch: Any) -> None:  # fmt: skip
+def place(
+    q: Any,
+    axes: Any,
+    points: Any,
+    centres: Any,
+    inertias: Any,
+    tip: Any,
+    tip_turn: Any,
+    massive: bool,
+    w: Any,
+    o: Any,
+    c: Any,
+    links: Any,
+    end: Any,
+    scratch: Any,
+) -> None:
     """Fill where things are at q: axes w, points on them o (n, 3); end (4, 3): rotation in rows 0-2, position of C in
     row 3; where `massive` the mass centres c (n, 3) and inertias `links` (n, 3, 3) too.  scratch: (10, 3)."""
     R, E, S, p = scratch[:3], scratch[3:6], scratch[6:9], scratch[9]
@@ -215,8 +230,23 @@ def follow(targets: Any, tolerance: float, axes: Any, points: Any, tip: Any, tip
 
 
 @jit
-def along(q: Any, v: Any, axes: Any, points: Any, centres: Any, inertias: Any, tip: Any, tip_turn: Any,
-          w: Any, o: Any, c: Any, links: Any, P: Any, qd: Any, bias: Any) -> bool:  # fmt: skip
+def along(
+    q: Any,
+    v: Any,
+    axes: Any,
+    points: Any,
+    centres: Any,
+    inertias: Any,
+    tip: Any,
+    tip_turn: Any,
+    w: Any,
+    o: Any,
+    c: Any,
+    links: Any,
+    P: Any,
+    qd: Any,
+    bias: Any,
+) -> bool:
     """Fill for joint angles q (K, n) and tool velocities v (K, 3): w, o, c (K, n, 3), links (K, n, 3, 3) of `place`,
     P = Jᵀ (J Jᵀ)⁻¹ (K, n, 6), q̇ = P v (K, n), J' q̇ (K, 6).  False where J has no inverse."""
     count, n = q.shape

@@ -48,9 +48,24 @@ def drift_and_guess(start: Any, near: Any, first: int, dt: float, drift: Any, gu
 
 
 def condense(
-    rows: Any, columns: Any, values: Any, upper: Any, map_: Any, drift: Any, guess: Any, near: Any, radii: Any,
-    first: int, released: int, landing: Any, bound: float, A: Any, low: Any, high: Any, slack: Any,
-) -> int:  # fmt: skip
+    rows: Any,
+    columns: Any,
+    values: Any,
+    upper: Any,
+    map_: Any,
+    drift: Any,
+    guess: Any,
+    near: Any,
+    radii: Any,
+    first: int,
+    released: int,
+    landing: Any,
+    bound: float,
+    A: Any,
+    low: Any,
+    high: Any,
+    slack: Any,
+) -> int:
     """Fill low ≤ A v ≤ high and the slack of each row at the guess, for w = drift + map v; returns their number.
 
     In order: landing height and rest, θ (and y, z) within a radius of `near` where it is finite, Σ value·w[column] ≤
@@ -108,9 +123,18 @@ def excess(rows: Any, columns: Any, values: Any, left: Any, w: Any) -> float:
 
 
 def distances(
-    A: Any, low: Any, high: Any, slack: Any, equalities: int, touching: float, tolerance: float,
-    norm: Any, distance: Any, kind: Any, scratch: Any,
-) -> int:  # fmt: skip
+    A: Any,
+    low: Any,
+    high: Any,
+    slack: Any,
+    equalities: int,
+    touching: float,
+    tolerance: float,
+    norm: Any,
+    distance: Any,
+    kind: Any,
+    scratch: Any,
+) -> int:
     """Fill |row|, slack/|row| (twice), and the kind of each row: 5 equality, 1 nearer than `touching`, else 0.
 
     Equalities are nearest; rows of zeros, and slacks that are no numbers, are farthest.  Returns how many touch, or −1

@@ -13,8 +13,21 @@ from flipdiagram.planning.native.jit import jit
 
 
 @jit
-def newton_euler(qd: Any, qdd: Any, gravity: float, w: Any, o: Any, c: Any, links: Any,
-                 mass: Any, rotor: Any, damping: Any, F: Any, N: Any, tau: Any) -> None:  # fmt: skip
+def newton_euler(
+    qd: Any,
+    qdd: Any,
+    gravity: float,
+    w: Any,
+    o: Any,
+    c: Any,
+    links: Any,
+    mass: Any,
+    rotor: Any,
+    damping: Any,
+    F: Any,
+    N: Any,
+    tau: Any,
+) -> None:
     """Fill τ (n,) of the motion: inertia, Coriolis, gravity along z, reflected inertia, damping; F, N are scratch."""
     n = qd.size
     vx = vy = vz = 0.0  # ω
@@ -63,10 +76,22 @@ def newton_euler(qd: Any, qdd: Any, gravity: float, w: Any, o: Any, c: Any, link
         tau[i] = w[i, 0] * nx + w[i, 1] * ny + w[i, 2] * nz + rotor[i] * qdd[i] + damping[i] * qd[i]
 
 
-
 @jit
-def torques(q_dot: Any, a: Any, P: Any, bias: Any, gravity: float, w: Any, o: Any, c: Any, links: Any,
-            mass: Any, rotor: Any, damping: Any, tau: Any) -> None:  # fmt: skip
+def torques(
+    q_dot: Any,
+    a: Any,
+    P: Any,
+    bias: Any,
+    gravity: float,
+    w: Any,
+    o: Any,
+    c: Any,
+    links: Any,
+    mass: Any,
+    rotor: Any,
+    damping: Any,
+    tau: Any,
+) -> None:
     """Fill τ (K, n) where the tool accelerates with a (K, 3)."""
     count, n = q_dot.shape
     F, N, qdd = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)

@@ -10,6 +10,7 @@ from itertools import product
 
 import numpy as np
 
+from flipdiagram.arrays import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import limits
 from flipdiagram.planning.constraints import Geometry, Trajectory
@@ -22,7 +23,7 @@ from flipdiagram.planning.rows import Buffer, FilledRows
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.serial_chain import SerialChain
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.theory.contact import GRAVITY_Z, Floats
+from flipdiagram.theory.contact import GRAVITY_Z
 
 REACHED = 1e-9
 """Largest error of a sample's task pose [m, rad], as in ArmModel.inverse_kinematics_path."""
@@ -55,9 +56,12 @@ class Linearisation:
             speeds(self.chain, np.array([home, home]), np.zeros((2, 3)))
         motion = JointMotion(np.array([home, home]), along.qd, np.zeros((2, 1, n)), along.from_task[:, :, :3], by_input)
         still = Trajectory(
-            np.zeros((layout.intervals + 1, 6)), np.zeros((layout.intervals, 3)), layout.release, 1,
+            np.zeros((layout.intervals + 1, 6)),
+            np.zeros((layout.intervals, 3)),
+            layout.release,
+            1,
             self.scenario.planner.sampling_time,
-        )  # fmt: skip
+        )
         allowed = Allowed.of(self.arm, self.scenario)
         self._contact_rows(still, self._buffer, 0.0)
         self._joint_rows(still.states[:2], still.inputs[:1], motion, along, allowed, 0, 0, self._buffer)
@@ -109,23 +113,48 @@ class Linearisation:
         mu = scenario.object.friction * (1 - planner.friction_margin)
         reach = g.half_length * (1 - planner.support_margin)
         row_kernels.contact(
-            states, inputs, first, release, GRAVITY_Z, mu, reach, g.half_thickness, g.gyration,
-            planner.minimum_normal, planner.release_angle, *out.arrays,
-        )  # fmt: skip
+            states,
+            inputs,
+            first,
+            release,
+            GRAVITY_Z,
+            mu,
+            reach,
+            g.half_thickness,
+            g.gyration,
+            planner.minimum_normal,
+            planner.release_angle,
+            *out.arrays,
+        )
         row_kernels.workspace(first, last, self._workspace, *out.arrays)
         floor, table = scenario.table.height + planner.table_clearance, scenario.table.height
         row_kernels.clearance(states, first, last, self._blade - [shift, 0.0], floor, *out.arrays)
         row_kernels.clearance(states, first, release, self._block, floor, *out.arrays)
         row_kernels.separation(
-            states, release, point.n_flight, dt, GRAVITY_Z, g.half_length, g.half_thickness,
-            planner.separation_gap, planner.separation_acceleration, *out.arrays,
-        )  # fmt: skip
+            states,
+            release,
+            point.n_flight,
+            dt,
+            GRAVITY_Z,
+            g.half_length,
+            g.half_thickness,
+            planner.separation_gap,
+            planner.separation_acceleration,
+            *out.arrays,
+        )
         row_kernels.flying(states, release, point.n_flight, dt, GRAVITY_Z, self._corners, table, *out.arrays)
 
     def _joint_rows(
-        self, states: Floats, inputs: Floats, motion: JointMotion, along: Along, allowed: Allowed, first: int,
-        decided: int, out: Buffer,
-    ) -> None:  # fmt: skip
+        self,
+        states: Floats,
+        inputs: Floats,
+        motion: JointMotion,
+        along: Along,
+        allowed: Allowed,
+        first: int,
+        decided: int,
+        out: Buffer,
+    ) -> None:
         P = along.from_task
         row_kernels.joint_positions(
             motion.q, P, states, first, decided, allowed.middle, allowed.half, NEAR, *out.arrays
@@ -135,9 +164,17 @@ class Linearisation:
         by_state = self._torque_by_state(states, inputs, motion, along, allowed)
         for end in (0, 1):
             row_kernels.joint_torques(
-                motion.torque[end], by_state[end], motion.torque_from_task, states, inputs, first, end,
-                allowed.torque, NEAR, *out.arrays,
-            )  # fmt: skip
+                motion.torque[end],
+                by_state[end],
+                motion.torque_from_task,
+                states,
+                inputs,
+                first,
+                end,
+                allowed.torque,
+                NEAR,
+                *out.arrays,
+            )
 
     def _speed_by_pose(self, states: Floats, motion: JointMotion, along: Along, allowed: Allowed) -> Floats:
         """∂q̇/∂(y, z, θ) at constant v (K, n, 3) by differences, at samples where a joint is near its limit."""

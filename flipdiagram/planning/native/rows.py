@@ -32,10 +32,23 @@ def end_row(upper: Any, at: Any, bound: float) -> None:
 
 @jit
 def contact(
-    states: Any, inputs: Any, first: int, release: int, gravity: float, mu: float, reach: float, half_thickness: float,
-    gyration: float, least_normal: float, release_angle: float, rows: Any, columns: Any, values: Any, upper: Any,
+    states: Any,
+    inputs: Any,
+    first: int,
+    release: int,
+    gravity: float,
+    mu: float,
+    reach: float,
+    half_thickness: float,
+    gyration: float,
+    least_normal: float,
+    release_angle: float,
+    rows: Any,
+    columns: Any,
+    values: Any,
+    upper: Any,
     at: Any,
-) -> None:  # fmt: skip
+) -> None:
     """constraints.contact_rows."""
     for side in range(2):
         for kind in range(5):  # normal force; then with either sign friction, centre of pressure
@@ -75,9 +88,17 @@ def workspace(first: int, last: int, limits: Any, rows: Any, columns: Any, value
 
 @jit
 def clearance(
-    states: Any, first: int, last: int, corners: Any, floor: float, rows: Any, columns: Any, values: Any, upper: Any,
+    states: Any,
+    first: int,
+    last: int,
+    corners: Any,
+    floor: float,
+    rows: Any,
+    columns: Any,
+    values: Any,
+    upper: Any,
     at: Any,
-) -> None:  # fmt: skip
+) -> None:
     """constraints.clearance_rows for the corners (m, 2) of one thing, at samples first + 1 to last."""
     for corner in range(corners.shape[0]):
         s, n = corners[corner, 0], corners[corner, 1]
@@ -92,9 +113,21 @@ def clearance(
 
 @jit
 def separation(
-    states: Any, release: int, n_flight: int, dt: float, gravity: float, half_length: float, h: float, most_gap: float,
-    away: float, rows: Any, columns: Any, values: Any, upper: Any, at: Any,
-) -> None:  # fmt: skip
+    states: Any,
+    release: int,
+    n_flight: int,
+    dt: float,
+    gravity: float,
+    half_length: float,
+    h: float,
+    most_gap: float,
+    away: float,
+    rows: Any,
+    columns: Any,
+    values: Any,
+    upper: Any,
+    at: Any,
+) -> None:
     """constraints.separation_rows; away: the acceleration with which the gap demanded grows."""
     intervals = states.shape[0] - 1
     r = STRIDE * release
@@ -127,9 +160,19 @@ def separation(
 
 @jit
 def flying(
-    states: Any, release: int, n_flight: int, dt: float, gravity: float, corners: Any, table: float, rows: Any,
-    columns: Any, values: Any, upper: Any, at: Any,
-) -> None:  # fmt: skip
+    states: Any,
+    release: int,
+    n_flight: int,
+    dt: float,
+    gravity: float,
+    corners: Any,
+    table: float,
+    rows: Any,
+    columns: Any,
+    values: Any,
+    upper: Any,
+    at: Any,
+) -> None:
     """constraints.flight_rows; corners (4, 2) of the block."""
     r = STRIDE * release
     for corner in range(corners.shape[0]):
@@ -148,9 +191,20 @@ def flying(
 
 @jit
 def joint_positions(
-    q: Any, P: Any, states: Any, first: int, decided: int, middle: Any, half: Any, near: float, rows: Any, columns: Any,
-    values: Any, upper: Any, at: Any,
-) -> None:  # fmt: skip
+    q: Any,
+    P: Any,
+    states: Any,
+    first: int,
+    decided: int,
+    middle: Any,
+    half: Any,
+    near: float,
+    rows: Any,
+    columns: Any,
+    values: Any,
+    upper: Any,
+    at: Any,
+) -> None:
     """The first part of limits.joint_rows; sample k of the motion is `first` + k of the layout."""
     for sign in (1.0, -1.0):
         for k in range(decided, q.shape[0]):
@@ -166,9 +220,20 @@ def joint_positions(
 
 @jit
 def joint_speeds(
-    qd: Any, P: Any, by_pose: Any, states: Any, first: int, decided: int, limit: Any, near: float, rows: Any,
-    columns: Any, values: Any, upper: Any, at: Any,
-) -> None:  # fmt: skip
+    qd: Any,
+    P: Any,
+    by_pose: Any,
+    states: Any,
+    first: int,
+    decided: int,
+    limit: Any,
+    near: float,
+    rows: Any,
+    columns: Any,
+    values: Any,
+    upper: Any,
+    at: Any,
+) -> None:
     """The second part; by_pose (K, n, 3) = ∂q̇/∂(y, z, θ) where a joint is near its limit."""
     for k in range(decided, qd.shape[0]):
         for j in range(qd.shape[1]):
@@ -184,9 +249,21 @@ def joint_speeds(
 
 @jit
 def joint_torques(
-    torque: Any, by_state: Any, by_input: Any, states: Any, inputs: Any, first: int, side: int, limit: Any, near: float,
-    rows: Any, columns: Any, values: Any, upper: Any, at: Any,
-) -> None:  # fmt: skip
+    torque: Any,
+    by_state: Any,
+    by_input: Any,
+    states: Any,
+    inputs: Any,
+    first: int,
+    side: int,
+    limit: Any,
+    near: float,
+    rows: Any,
+    columns: Any,
+    values: Any,
+    upper: Any,
+    at: Any,
+) -> None:
     """limits._torque_rows; by_state (N, n, 6), by_input (K, n, 3) = ∂τ/∂x̂ of each interval, ∂τ/∂a of each sample."""
     for k in range(torque.shape[0]):
         for j in range(torque.shape[1]):

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.scenario.scenario import Scenario
 
 LAB_INERTIA = (0.5, 1.5, 0.8, 0.4, 0.5, 0.01)
@@ -52,7 +52,7 @@ def maps_of(scenario: Scenario, resolution: int | None = None) -> dict[str, Map]
     resolution: points per axis; finer than the default where it is larger, thinner where it is smaller.
     """
     if resolution is not None and resolution < 2:
-        raise ScenarioError(f"resolution = {resolution} is not valid; valid is a whole number of at least 2")
+        raise InputError(f"resolution = {resolution} is not valid; valid is a whole number of at least 2")
     found = (
         _disturbance(resolution),
         _payload(resolution),

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from flipdiagram.diagrams.loop import build_loop
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.files import write_summary
 from flipdiagram.flips.flips import Flip, Outcome, Progress, run_flips
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
@@ -19,9 +19,7 @@ VARIATIONS = "variations"
 """Name of the table of solvers and estimates among the maps."""
 QUICK_MAPS = ("disturbance", "inertia")
 QUICK_RESOLUTION = 2
-NUMBERS = (
-    "position_rmse_m", "acceleration_rmse_m_s2", "max_slip_m", "velocity_delay_s", "endpoint_vibration_m_s",
-)  # fmt: skip
+NUMBERS = ("position_rmse_m", "acceleration_rmse_m_s2", "max_slip_m", "velocity_delay_s", "endpoint_vibration_m_s")
 """Metrics that a map keeps beside the verdict."""
 
 
@@ -61,13 +59,13 @@ def run(
     """Fly every cell of the maps under every architecture, and the variations; write summary.json.
 
     maps: names of `maps_of`, and "variations"; by default all.  resolution: points per axis.  What an earlier call
-    left in `out` is used.  A cell without a motion, or that diverges, is an outcome.  Raises ScenarioError.
+    left in `out` is used.  A cell without a motion, or that diverges, is an outcome.  Raises InputError.
     """
     known = maps_of(scenario, QUICK_RESOLUTION if quick and resolution is None else resolution)
     names = list(maps) if maps is not None else [*QUICK_MAPS] if quick else [*known, VARIATIONS]
     for name in names:
         if name not in known and name != VARIATIONS:
-            raise ScenarioError(f"unknown map '{name}'; choose from {', '.join([*known, VARIATIONS])}")
+            raise InputError(f"unknown map '{name}'; choose from {', '.join([*known, VARIATIONS])}")
     build_loop(scenario)  # what is wrong with the scenario itself shows before anything is computed
     chosen = tuple(known[name] for name in dict.fromkeys(names) if name in known)
     variations = tuple(variations_of(scenario)) if VARIATIONS in names else ()
@@ -79,9 +77,7 @@ def run(
     outcomes = iter(run_flips(flips, Path(out), jobs=jobs, progress=progress))
 
     cells = {
-        drawn.name: {
-            name: [[next(outcomes) for _ in drawn.x.values] for _ in drawn.y.values] for name in ARCHITECTURES
-        }
+        drawn.name: {name: [[next(outcomes) for _ in drawn.x.values] for _ in drawn.y.values] for name in ARCHITECTURES}
         for drawn in chosen
     }
     varied = {name: [next(outcomes) for _ in variations] for name in ARCHITECTURES}

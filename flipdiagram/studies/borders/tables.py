@@ -36,15 +36,26 @@ def variation_grid(summary: Summary) -> Grid | None:
         fragile = ", ".join(f"`{name}`" for name in row["fragile"]) or "–"
         rows.append(
             [
-                row["group"], row["name"], verdicts, _text(best["position_rmse_m"], 100, 2),
-                _text(best["acceleration_rmse_m_s2"], 1, 2), _text(best["max_slip_m"], 1000, 1),
-                _text(best["max_torque_joint_2_Nm"], 1, 1), fragile,
+                row["group"],
+                row["name"],
+                verdicts,
+                _text(best["position_rmse_m"], 100, 2),
+                _text(best["acceleration_rmse_m_s2"], 1, 2),
+                _text(best["max_slip_m"], 1000, 1),
+                _text(best["max_torque_joint_2_Nm"], 1, 1),
+                fragile,
             ]
-        )  # fmt: skip
+        )
     headings = [
-        "group", "changed", "turned over (" + ", ".join(ARCHITECTURES) + ")", "position RMSE [cm]",
-        "acceleration RMSE [m/s²]", "slip [mm]", "joint 2 [N m]", "verdict differs for",
-    ]  # fmt: skip
+        "group",
+        "changed",
+        "turned over (" + ", ".join(ARCHITECTURES) + ")",
+        "position RMSE [cm]",
+        "acceleration RMSE [m/s²]",
+        "slip [mm]",
+        "joint 2 [N m]",
+        "verdict differs for",
+    ]
     return Grid(headings, rows, title="numbers of pd+ff+dob", right=headings[3:7])
 
 

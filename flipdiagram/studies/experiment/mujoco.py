@@ -19,9 +19,7 @@ VARIANTS: dict[str, Settings] = {
     "pyramidal cone": Settings(cone="pyramidal", impratio=1.0),
     "soft contact": Settings(time_constant=0.01),
     "step 0.25 ms": Settings(timestep=2.5e-4),
-    "MuJoCo's own defaults": Settings(
-        timestep=1e-3, cone="pyramidal", impratio=1.0, time_constant=0.02, impedance=0.9
-    ),
+    "MuJoCo's own defaults": Settings(timestep=1e-3, cone="pyramidal", impratio=1.0, time_constant=0.02, impedance=0.9),
 }
 """Contact settings; all recordings see the first, the first start sees all."""
 
@@ -35,12 +33,7 @@ def second_engine(runs: Sequence[tuple[str, float, Path]], jobs: int | None = No
         return None
     first = min((start for _, start, _ in runs), key=abs)
     tasks = [(path, Settings()) for _, _, path in runs]
-    varied = [
-        (name, variant, path)
-        for name, start, path in runs
-        for variant in list(VARIANTS)[1:]
-        if start == first
-    ]
+    varied = [(name, variant, path) for name, start, path in runs for variant in list(VARIANTS)[1:] if start == first]
     tasks += [(path, VARIANTS[variant]) for _, variant, path in varied]
     found: dict[int, dict[str, Any]] = {}
     with Workers(jobs) as workers:

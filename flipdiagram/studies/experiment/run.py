@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from flipdiagram.diagrams.loop import build_loop
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.files import write_summary
 from flipdiagram.flips.flips import Flip, Outcome, Progress, run_flips
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
@@ -72,11 +72,11 @@ def run(
     """Fly every start under every architecture; write recordings and summary.json.
 
     starts: y [m] of each, by default `STARTS`, or two of them where quick.  What an earlier call left in `out` is
-    used.  Raises ScenarioError for a bad start; a start without a motion is an outcome, not an error.
+    used.  Raises InputError for a bad start; a start without a motion is an outcome, not an error.
     """
     chosen = tuple(starts) if starts is not None else QUICK_STARTS if quick else STARTS
     if not chosen or len(set(chosen)) != len(chosen):
-        raise ScenarioError(f"starts = {list(chosen)} is not valid; valid are different numbers [m], at least one")
+        raise InputError(f"starts = {list(chosen)} is not valid; valid are different numbers [m], at least one")
     folder = Path(out)
     flips = [
         Flip(scenario.with_overrides({"task.start_y": y}), name, recording_name(y, name))

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import signal
 
+from flipdiagram.arrays import Floats
 from flipdiagram.studies.frequency.laboratory import Laboratory, Loop
-from flipdiagram.theory.contact import Floats
 
 SEGMENT = 2**16
 """Samples of a segment: its length in seconds sets the lowest frequency, about 4 x 2 pi/length."""

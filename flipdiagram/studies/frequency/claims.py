@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from flipdiagram.arrays import Floats
 from flipdiagram.studies.frequency.laboratory import WITH_OBSERVER, Loop, Measured
 from flipdiagram.studies.frequency.sweep import Response
-from flipdiagram.theory.contact import Floats
 
 HALF_POWER = math.sqrt(0.5)
 """Gain at which the bandwidth ends."""
@@ -253,6 +253,18 @@ def _c14(m: Measured) -> Verdict:
 
 
 JUDGES: dict[str, Callable[[Measured], Verdict]] = {
-    "C1": _c1, "C2": _c2, "C3": _c3, "C4": _c4, "C5": _c5, "C6": _c6, "C7": _c7, "C8": _c8, "C9": _c9,
-    "C10": lambda m: _moves(m, 0, -1), "C11": lambda m: _moves(m, 2, 1), "C12": _c12, "C13": _c13, "C14": _c14,
-}  # fmt: skip
+    "C1": _c1,
+    "C2": _c2,
+    "C3": _c3,
+    "C4": _c4,
+    "C5": _c5,
+    "C6": _c6,
+    "C7": _c7,
+    "C8": _c8,
+    "C9": _c9,
+    "C10": lambda m: _moves(m, 0, -1),
+    "C11": lambda m: _moves(m, 2, 1),
+    "C12": _c12,
+    "C13": _c13,
+    "C14": _c14,
+}

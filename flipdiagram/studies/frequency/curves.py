@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from flipdiagram.arrays import Floats
 from flipdiagram.studies.frequency.claims import acceleration_gain, phase
 from flipdiagram.studies.frequency.laboratory import Loop, Measured, peak_force_theory, rms_error_theory
 from flipdiagram.studies.frequency.sweep import Response
-from flipdiagram.theory.contact import Floats
 
 PANELS = ("9a", "9b", "9c")
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.systems.framework import System
 
+from flipdiagram.arrays import Complex, Floats
 from flipdiagram.compiled import NotCompilable, compile_diagram
 from flipdiagram.diagrams.one_dof import build_controller, build_experiment, build_open, theory
 from flipdiagram.errors import FlipdiagramError, SimulationError
@@ -21,8 +22,8 @@ from flipdiagram.scenario.one_dof import Frequency, OneDof
 from flipdiagram.scenario.scenario import ARCHITECTURES
 from flipdiagram.studies.frequency.periodicity import Repetition, repetitions
 from flipdiagram.studies.frequency.sweep import Response, measure, settling_ticks
-from flipdiagram.theory.contact import GRAVITY_Z, Floats
-from flipdiagram.theory.transfer import Complex, Loop1Dof, unstable
+from flipdiagram.theory.contact import GRAVITY_Z
+from flipdiagram.theory.transfer import Loop1Dof, unstable
 
 Loop = tuple[str, float]
 """Architecture (or the name of another controller), and g_dis [rad/s], 0 where it has none."""

@@ -17,9 +17,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flipdiagram.arrays import Complex, Floats
 from flipdiagram.studies.frequency.sweep import Windows, apart, decisive
-from flipdiagram.theory.contact import Floats
-from flipdiagram.theory.transfer import Complex
 
 Verdict = Literal["periodic", "subharmonic", "settling", "not periodic"]
 MOST_WINDOWS = 24

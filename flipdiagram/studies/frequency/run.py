@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.files import atomic_path, write_summary
 from flipdiagram.flips.provenance import code_version
 from flipdiagram.scenario.one_dof import Frequency, OneDof
@@ -27,9 +27,7 @@ from flipdiagram.studies.frequency.sweep import Response
 
 QUICK = {"frequency.lowest": 1.0, "frequency.count": 24, "frequency.torque_count": 9, "frequency.noise_time": 20.0}
 """The scenario of a quick run; it also leaves out the table of realisations and the other friction model."""
-SOURCES = (
-    "blocks", "compiled", "diagrams/one_dof", "plants", "scenario", "studies/frequency", "theory",
-)  # fmt: skip
+SOURCES = ("blocks", "compiled", "diagrams/one_dof", "plants", "scenario", "studies/frequency", "theory")
 """Modules whose code decides what this study measures."""
 Progress = Callable[[str], None]
 
@@ -99,7 +97,7 @@ def run(
 ) -> FrequencyResult:
     """Measure Figs 5–10 and the claims; write summary.json and frequency.nc.
 
-    Raises ScenarioError for bad settings and SimulationError for an unstable loop, naming the loop and its pole.
+    Raises InputError for bad settings and SimulationError for an unstable loop, naming the loop and its pole.
     """
     begin = time.perf_counter()
     if quick:
@@ -127,9 +125,19 @@ def run(
         unsteady += unsteady_responses(rough, other)
     steps = sum(room.steps for room in everything)
     result = FrequencyResult(
-        scenario, Path(out), measured, evaluate(measured), rows, other, spectra, unsteady, quick, steps,
-        laboratory.sweep_steps / laboratory.seconds, time.perf_counter() - begin,
-    )  # fmt: skip
+        scenario,
+        Path(out),
+        measured,
+        evaluate(measured),
+        rows,
+        other,
+        spectra,
+        unsteady,
+        quick,
+        steps,
+        laboratory.sweep_steps / laboratory.seconds,
+        time.perf_counter() - begin,
+    )
     result.write()
     return result
 
@@ -146,16 +154,14 @@ def stored(scenario: Scenario, out: str | Path, *, quick: bool = False) -> dict[
         return None
 
 
-def compare(
-    controllers: Mapping[str, Factory], scenario: Scenario, *, friction: bool = False
-) -> dict[str, Response]:
+def compare(controllers: Mapping[str, Factory], scenario: Scenario, *, friction: bool = False) -> dict[str, Response]:
     """Command responses of controllers of your own, by name, on the study's frequencies; see one_dof_loop for ports.
 
     A factory makes a new controller for the loop's settings at each call: `lambda settings: MyController()`.  Names
     of the four architectures may stand beside them with `one_dof_loop.build_controller` as factory.
     """
     if not controllers:
-        raise ScenarioError("controllers = {}; give at least one factory by name")
+        raise InputError("controllers = {}; give at least one factory by name")
     laboratory = Laboratory(scenario.one_dof, scenario.frequency, controllers)
     loops = laboratory.loops((scenario.one_dof.g_dis,))
     found = laboratory.command(loops, scenario.frequency.frequencies(), friction=friction)

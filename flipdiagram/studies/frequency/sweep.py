@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flipdiagram.arrays import Complex, Floats
 from flipdiagram.blocks.meters import fundamental, whole_periods
 from flipdiagram.errors import SimulationError
-from flipdiagram.theory.contact import Floats
-from flipdiagram.theory.transfer import Complex
 
 SHORTEST_WINDOW = 2000
 """Fewest samples of a window: a peak between samples is then seen at many phases of the period."""

@@ -146,8 +146,6 @@ _SENTENCES = {
         + ", ".join(f"{_n(ratio)} at {omega}" for omega, ratio in m["largest_ratio_by_omega_rad_s"].items())
         + f" rad/s; smaller only below √(2 k_p) = {_n(m['smaller_below_rad_s'])} rad/s"
     ),
-    "C13": lambda m: (
-        f"× {_row(m['largest_ratio_to_pd'])} of PD's at most, for g_dis {_row(m['g_dis_rad_s'])} rad/s"
-    ),
+    "C13": lambda m: f"× {_row(m['largest_ratio_to_pd'])} of PD's at most, for g_dis {_row(m['g_dis_rad_s'])} rad/s",
     "C14": lambda m: f"largest relative difference {_n(m['largest_relative_difference'])}",
 }

@@ -95,7 +95,7 @@ def run(
 ) -> PlaceResult:
     """Plan once, simulate each architecture, write recordings and summary.json.
 
-    Raises ScenarioError, PlanningError where the object cannot be laid down, SimulationError.
+    Raises InputError, PlanningError where the object cannot be laid down, SimulationError.
     """
     for name in architectures:
         check_architecture(name)
@@ -172,6 +172,16 @@ def judge(data: Recording, target_y: float, architecture: str, plan: PlacingPlan
         failure = f"came down with {speed:.2f} m/s"
     until = time <= plan.retreat_begins
     return Placement(
-        architecture, failure is None, failure, y, distance, tilt, None if landed is None else landed.time_s, speed,
-        float(-sliding(data)[until].min()), plan.slide.way, rmse(data, "x", "x_cmd", ["y", "z"]), name,
-    )  # fmt: skip
+        architecture,
+        failure is None,
+        failure,
+        y,
+        distance,
+        tilt,
+        None if landed is None else landed.time_s,
+        speed,
+        float(-sliding(data)[until].min()),
+        plan.slide.way,
+        rmse(data, "x", "x_cmd", ["y", "z"]),
+        name,
+    )

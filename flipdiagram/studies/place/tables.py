@@ -15,16 +15,26 @@ def place_grid(summary: Mapping[str, Any]) -> Grid:
         speed = run["touchdown_speed_m_s"]
         rows.append(
             [
-                f"`{run['architecture']}`", "laid down" if run["success"] else run["failure"],
-                f"{100 * run['distance_m']:.1f}", f"{run['tilt_rad']:.3f}", "–" if speed is None else f"{speed:.2f}",
-                f"{1000 * run['slid_m']:.1f}", f"{1000 * run['planned_slide_m']:.1f}",
+                f"`{run['architecture']}`",
+                "laid down" if run["success"] else run["failure"],
+                f"{100 * run['distance_m']:.1f}",
+                f"{run['tilt_rad']:.3f}",
+                "–" if speed is None else f"{speed:.2f}",
+                f"{1000 * run['slid_m']:.1f}",
+                f"{1000 * run['planned_slide_m']:.1f}",
                 f"{100 * run['position_rmse_m']:.2f}",
             ]
-        )  # fmt: skip
+        )
     headings = [
-        "", "object", "from the target [cm]", "tilt [rad]", "at touch-down [m/s]", "slid [mm]", "planned [mm]",
+        "",
+        "object",
+        "from the target [cm]",
+        "tilt [rad]",
+        "at touch-down [m/s]",
+        "slid [mm]",
+        "planned [mm]",
         "position RMSE [cm]",
-    ]  # fmt: skip
+    ]
     plan = summary["plan"]
     title = (
         f"blade tilted to {plan['tilt_rad']:.2f} rad, friction angle {plan['friction_angle_rad']:.2f} rad,"

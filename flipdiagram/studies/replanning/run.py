@@ -86,7 +86,7 @@ def run(
 ) -> ReplanningResult:
     """Fly every case in every way under every architecture; write summary.json.
 
-    What an earlier call left in `out` is used.  Raises ScenarioError.
+    What an earlier call left in `out` is used.  Raises InputError.
     """
     build_loop(scenario)  # what is wrong with the scenario itself shows before anything is computed
     cases = QUICK_CASES if quick else tuple(CASES)

@@ -33,10 +33,7 @@ class TurnoverRun:
 
     def as_dict(self) -> dict[str, Any]:
         """The `runs` entry of summary.json."""
-        return self.metrics.as_dict() | {
-            "real_time_factor": self.real_time_factor,
-            "recording": self.recording,
-        }
+        return self.metrics.as_dict() | {"real_time_factor": self.real_time_factor, "recording": self.recording}
 
 
 @dataclass(frozen=True)
@@ -70,7 +67,7 @@ def run(
     """Plan once, simulate every architecture in processes of its own, write recordings, plan.json and summary.json.
 
     quick: a shorter hold before the motion.  jobs: processes, by default one per core.  Finished runs are kept, and
-    listed in summary.json, when it is interrupted.  Raises ScenarioError, PlanningError, SimulationError.
+    listed in summary.json, when it is interrupted.  Raises InputError, PlanningError, SimulationError.
     """
     for name in architectures:
         check_architecture(name)

@@ -48,9 +48,15 @@ def turnover_table(result: TurnoverResult) -> Table:
 def turnover_markdown(summary: dict[str, Any]) -> str:
     """The runs of a turnover summary.json as a Markdown table, as the README shows it."""
     headings = (
-        "architecture", "block", "touch-down", "position RMSE", "acceleration RMSE", "joint 2, max", "slip",
+        "architecture",
+        "block",
+        "touch-down",
+        "position RMSE",
+        "acceleration RMSE",
+        "joint 2, max",
+        "slip",
         "velocity delay",
-    )  # fmt: skip
+    )
     lines = [" | ".join(headings), " | ".join(["---"] * 2 + ["---:"] * 6)]
     for run in summary["runs"]:
         landed = run["touchdown"]

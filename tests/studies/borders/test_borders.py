@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from flipdiagram.cli import main as cli
 from flipdiagram.cli.options import split_overrides
-from flipdiagram.errors import ScenarioError
+from flipdiagram.errors import InputError
 from flipdiagram.flips.flips import Outcome
 from flipdiagram.planning import plan_motion
 from flipdiagram.plants.cell import joint_friction
@@ -27,18 +27,36 @@ from flipdiagram.studies.borders.variations import variations_of
 
 NAMES = ["disturbance", "payload", "clearance", "gains", "cone", "inertia", "sensing"]
 OTHER = Scenario().with_overrides(
-    {"controller.k_p": 100.0, "controller.k_v": 15.0, "controller.g_dis": 50.0, "object.friction": 1.0,
-     "controller.nominal_inertia": (1.0,) * 6, "controller.nominal_inertia_scale": 2.0}
-)  # fmt: skip
+    {
+        "controller.k_p": 100.0,
+        "controller.k_v": 15.0,
+        "controller.g_dis": 50.0,
+        "object.friction": 1.0,
+        "controller.nominal_inertia": (1.0,) * 6,
+        "controller.nominal_inertia_scale": 2.0,
+    }
+)
 
 
 def measured(name="pd", **changes):
     numbers = dict(
-        architecture=name, start_y_m=0.0, success=True, failure=None, touchdown=None, position_rmse_m=0.004,
-        angle_rmse_rad=0.01, acceleration_rmse_m_s2=2.0, max_torque_Nm=[10.0, 50.0, 8.0, 2.0, 1.0, 1.0],
-        max_slip_m=0.001, max_lift_off_m=0.0, release_time_s=0.5, release_angle_rad=1.6, contact_after_release_s=0.0,
-        velocity_delay_s=0.01, endpoint_vibration_m_s=0.008,
-    )  # fmt: skip
+        architecture=name,
+        start_y_m=0.0,
+        success=True,
+        failure=None,
+        touchdown=None,
+        position_rmse_m=0.004,
+        angle_rmse_rad=0.01,
+        acceleration_rmse_m_s2=2.0,
+        max_torque_Nm=[10.0, 50.0, 8.0, 2.0, 1.0, 1.0],
+        max_slip_m=0.001,
+        max_lift_off_m=0.0,
+        release_time_s=0.5,
+        release_angle_rad=1.6,
+        contact_after_release_s=0.0,
+        velocity_delay_s=0.01,
+        endpoint_vibration_m_s=0.008,
+    )
     others = dict.fromkeys((field.name for field in dataclasses.fields(FlipMetrics)), 0.0)
     return FlipMetrics(**(others | numbers | changes))
 
@@ -111,7 +129,7 @@ def test_a_finer_map_has_as_many_points_as_asked_for():
 
 def test_what_does_not_exist_is_refused_before_anything_is_written(tmp_path):
     for settings in ({"resolution": 1}, {"maps": ["disturbance", "nonsense"]}):
-        with pytest.raises(ScenarioError, match="resolution = 1|unknown map 'nonsense'; choose from disturbance"):
+        with pytest.raises(InputError, match="resolution = 1|unknown map 'nonsense'; choose from disturbance"):
             borders.run(Scenario(), tmp_path / "out", **settings)
     assert not (tmp_path / "out").exists()
 
@@ -154,7 +172,17 @@ def test_a_map_shows_errors_failures_and_missing_plans_apart(tmp_path):
     assert image[0, 0] == pytest.approx(0.4)  # [cm]
     assert np.ma.getmaskarray(np.ma.masked_invalid(image)).sum() == 3
     assert len(panel.patches) == 1 and FAILED != "white"
-    assert border_grid(summary).rows == [["Distance from the table", summary["maps"][0]["x"]["label"] + " × " + summary["maps"][0]["y"]["label"], "4", "1", "1", "1", "1"]]
+    assert border_grid(summary).rows == [
+        [
+            "Distance from the table",
+            summary["maps"][0]["x"]["label"] + " × " + summary["maps"][0]["y"]["label"],
+            "4",
+            "1",
+            "1",
+            "1",
+            "1",
+        ]
+    ]
     assert border_grid({"maps": []}) is None
 
 
@@ -169,7 +197,14 @@ def test_variations_change_one_thing_each_and_are_all_valid():
     keys = [json.dumps(v.applied_to(Scenario()).model_dump(mode="json")) for v in found]
     assert len(set(keys)) == len(keys) == len({(v.group, v.name) for v in found})
     names = {v.name for v in found}
-    assert {"0.25 ms", "0.5 ms", "point, sap", "hydroelastic, lagged", "every link +30 %", "rotor and gear of T -30 %"} <= names
+    assert {
+        "0.25 ms",
+        "0.5 ms",
+        "point, sap",
+        "hydroelastic, lagged",
+        "every link +30 %",
+        "rotor and gear of T -30 %",
+    } <= names
     assert not {"1 ms", "hydroelastic, similar"} & names  # the scenario as it is
     assert sum(v.group == "inertia" for v in found) == 2 * 2 * 7
 

@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from flipdiagram.errors import ScenarioError, SimulationError
+from flipdiagram.errors import InputError, SimulationError
 from flipdiagram.files import write_summary
 from flipdiagram.flips.flips import Outcome
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
@@ -25,19 +25,36 @@ LOST = "blade hit the table at 0.251 s, dropped at 0.291 s"
 BASE = FlipMetrics(
     **dict.fromkeys((field.name for field in fields(FlipMetrics)), 0.0)
     | {
-        "architecture": "pd", "success": True, "failure": None, "touchdown": Touchdown(0.6, 0.0, 0.205, 3.0),
-        "position_rmse_m": 0.004, "acceleration_rmse_m_s2": 2.0, "max_torque_Nm": [10.0, 60.0, 10.0, 2.0, 1.0, 1.0],
-        "max_slip_m": 0.0005, "velocity_delay_s": 0.01, "endpoint_vibration_m_s": 0.008,
+        "architecture": "pd",
+        "success": True,
+        "failure": None,
+        "touchdown": Touchdown(0.6, 0.0, 0.205, 3.0),
+        "position_rmse_m": 0.004,
+        "acceleration_rmse_m_s2": 2.0,
+        "max_torque_Nm": [10.0, 60.0, 10.0, 2.0, 1.0, 1.0],
+        "max_slip_m": 0.0005,
+        "velocity_delay_s": 0.01,
+        "endpoint_vibration_m_s": 0.008,
     }
-)  # fmt: skip
+)
 PAPERS = {
     "pd": {"success": False, "failure": LOST, "position_rmse_m": 0.04},
     "pd+ff": {"success": False, "failure": "dropped at 0.3 s", "position_rmse_m": 0.03},
-    "pd+dob": {"acceleration_rmse_m_s2": 4.81, "max_torque_Nm": [0, 224.0, 0, 0, 0, 0], "position_rmse_m": 0.012,
-               "velocity_delay_s": 0.010, "endpoint_vibration_m_s": 0.010},
-    "pd+ff+dob": {"acceleration_rmse_m_s2": 4.65, "max_torque_Nm": [0, 205.0, 0, 0, 0, 0], "position_rmse_m": 0.011,
-                  "velocity_delay_s": -0.003, "endpoint_vibration_m_s": 0.005},
-}  # fmt: skip
+    "pd+dob": {
+        "acceleration_rmse_m_s2": 4.81,
+        "max_torque_Nm": [0, 224.0, 0, 0, 0, 0],
+        "position_rmse_m": 0.012,
+        "velocity_delay_s": 0.010,
+        "endpoint_vibration_m_s": 0.010,
+    },
+    "pd+ff+dob": {
+        "acceleration_rmse_m_s2": 4.65,
+        "max_torque_Nm": [0, 205.0, 0, 0, 0, 0],
+        "position_rmse_m": 0.011,
+        "velocity_delay_s": -0.003,
+        "endpoint_vibration_m_s": 0.005,
+    },
+}
 """A world in which every claim of the paper holds."""
 
 
@@ -136,7 +153,11 @@ def test_how_the_block_was_lost_is_said_beside_e1():
 def test_what_was_not_measured_is_not_judged_and_nothing_breaks(name, failure):
     found = {claim.id: claim for claim in claims_of(rows({name: failure}))}
     assert list(found) == list(TEXTS)
-    needs = {"E2"} | ({"E3", "E4", "E5", "E7", "E8"} if "dob" in name else set()) | ({"E6"} if name == "pd+ff+dob" else set())
+    needs = (
+        {"E2"}
+        | ({"E3", "E4", "E5", "E7", "E8"} if "dob" in name else set())
+        | ({"E6"} if name == "pd+ff+dob" else set())
+    )
     assert {id for id, claim in found.items() if claim.holds is None} == needs
     for id in needs:
         assert found[id].measured == f"not judged: nothing measured of {name}"
@@ -227,20 +248,27 @@ def test_different_starts_have_different_files():
 
 @pytest.mark.parametrize("starts", [[], [0.0, 0.02, 0.0], [float("nan")], [7.0]])
 def test_bad_starts_are_refused_before_anything_is_written(starts, tmp_path):
-    with pytest.raises(ScenarioError):
+    with pytest.raises(InputError):
         experiment.run(Scenario(), tmp_path / "out", starts=starts)
     assert not (tmp_path / "out").exists()
 
 
 def verdicts(drake, mujoco):
     landed = {"time_s": 0.6, "y_m": 0.0, "z_m": 0.2, "theta_rad": 3.0}
-    made = [{"success": good, "failure": None if good else "x", "max_slip_m": slip, "touchdown": landed}
-            for good, slip in ((drake, 0.001), (mujoco, 0.002))]  # fmt: skip
+    made = [
+        {"success": good, "failure": None if good else "x", "max_slip_m": slip, "touchdown": landed}
+        for good, slip in ((drake, 0.001), (mujoco, 0.002))
+    ]
     return {"agree": drake == mujoco, "drake": made[0], "mujoco": made[1]}
 
 
 def test_engines_that_disagree_are_called_fragile(tmp_path):
-    pairs = {"pd": [(0, 0), (0, 0)], "pd+ff": [(0, 1), (1, 0)], "pd+dob": [(1, 1), (1, 1)], "pd+ff+dob": [(1, 1), (1, 0)]}
+    pairs = {
+        "pd": [(0, 0), (0, 0)],
+        "pd+ff": [(0, 1), (1, 0)],
+        "pd+dob": [(1, 1), (1, 1)],
+        "pd+ff+dob": [(1, 1), (1, 0)],
+    }
     runs = [
         {"architecture": name, "start_y_m": 0.02 * k, **verdicts(bool(drake), bool(mujoco))}
         for name, found in pairs.items()
@@ -270,4 +298,9 @@ def test_an_engine_that_breaks_down_leaves_drakes_verdict_as_it_was(tmp_path, mo
     found = engines._verdict(path, engines.VARIANTS["default"])
     assert found["agree"] is False
     assert found["drake"]["success"] is True and found["drake"]["touchdown"]["theta_rad"] > np.pi / 2
-    assert found["mujoco"] == {"success": False, "failure": "MuJoCo diverged at 0.1 s", "max_slip_m": None, "touchdown": None}
+    assert found["mujoco"] == {
+        "success": False,
+        "failure": "MuJoCo diverged at 0.1 s",
+        "max_slip_m": None,
+        "touchdown": None,
+    }

@@ -13,7 +13,7 @@ from pydrake.systems.primitives import Adder
 from flipdiagram.compiled import compile_diagram
 from flipdiagram.diagrams.controller import check_architecture
 from flipdiagram.diagrams.one_dof import build_controller, build_experiment, theory
-from flipdiagram.errors import ScenarioError, SimulationError
+from flipdiagram.errors import InputError, SimulationError
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.studies.frequency import realisations
 from flipdiagram.studies.frequency import run as frequency
@@ -27,6 +27,8 @@ from flipdiagram.studies.frequency.sweep import settling_ticks
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
 ROOT = Path(__file__).parents[3]
 PAPER = Scenario()
+
+
 @pytest.mark.parametrize("architecture", ARCHITECTURES)
 @pytest.mark.parametrize("friction", ["signum", "stick-slip"])
 def test_the_loop_is_compiled_as_drake_runs_it(architecture, friction):
@@ -48,7 +50,11 @@ def test_every_claim_is_judged_and_holds_under_the_default_realisation(result):
     assert measured["C1"]["bandwidth_rad_s"] == pytest.approx(74.5, rel=0.02)
     assert measured["C2"]["pd+dob_rad_s"] == pytest.approx(87, rel=0.03)
     assert np.degrees(measured["C9"]["lead_rad"]) == pytest.approx(8.5, abs=0.5)
-    assert measured["C12"]["largest_ratio_by_omega_rad_s"]["90"] > 1 > measured["C12"]["largest_ratio_by_omega_rad_s"]["40"]
+    assert (
+        measured["C12"]["largest_ratio_by_omega_rad_s"]["90"]
+        > 1
+        > measured["C12"]["largest_ratio_by_omega_rad_s"]["40"]
+    )
     assert measured["C14"]["largest_relative_difference"] < 1e-9
 
 
@@ -71,11 +77,21 @@ def test_the_summary_keeps_its_contract(result):
     for row in data["torque"]:
         assert len(row["g_dis_rad_s"]) == len(row["max_torque_N"])
         assert row["max_torque_N"] == pytest.approx(row["theory"], rel=2e-3)
-    assert data["observer"].items() >= {"nominal_mass_ratio": 0.5, "velocity_cutoff_rad_s": None, "reference_scaled_by_nominal_mass": False}.items()
+    assert (
+        data["observer"].items()
+        >= {"nominal_mass_ratio": 0.5, "velocity_cutoff_rad_s": None, "reference_scaled_by_nominal_mass": False}.items()
+    )
     assert data["channel_steps_per_s"] > 0
-    unsteady = [(e["kind"], e["architecture"], e["g_dis_rad_s"], e["omega_rad_s"]) for e in data["measurement"]["unsteady"]]
+    unsteady = [
+        (e["kind"], e["architecture"], e["g_dis_rad_s"], e["omega_rad_s"]) for e in data["measurement"]["unsteady"]
+    ]
     kinds = {"linear": result.measured.linear, "friction": result.measured.friction, "noise": result.measured.noise}
-    missed = [(k, name, g or None, w) for k, found in kinds.items() for (name, g), r in found.items() for w in r.omega[~r.steady]]
+    missed = [
+        (k, name, g or None, w)
+        for k, found in kinds.items()
+        for (name, g), r in found.items()
+        for w in r.omega[~r.steady]
+    ]
     assert unsteady == missed and all(entry["verdict"] == "periodic" for entry in data["measurement"]["unsteady"])
     for entry in data["broadband"]:
         low = np.array(entry["omega_rad_s"]) < 1000
@@ -105,7 +121,9 @@ def test_the_default_is_the_realisation_under_which_most_claims_hold():
     rows = []
     for name, changes in chosen.items():
         own = PAPER.one_dof.model_copy(update={**realisations.TEXTBOOK, **changes})
-        rows.append(realisations.Realisation(name, own, evaluate(realisations.measure_all(Laboratory(own, coarse))), []))
+        rows.append(
+            realisations.Realisation(name, own, evaluate(realisations.measure_all(Laboratory(own, coarse))), [])
+        )
     failing = {claim.id for claim in rows[0].claims if not claim.holds}
     assert {"C2", "C7", "C9", "C10", "C11"} <= failing  # a transparent observer cannot do these
     best = realisations.best(rows)
@@ -134,10 +152,14 @@ def test_the_boxes_are_those_of_blocks_and_differ_by_presence(architecture):
     controller = build_controller(architecture, PAPER.one_dof)
     parts = architecture.split("+")
     boxes = {leaf.get_name(): leaf for leaf in leaves(controller) if not isinstance(leaf, Adder)}
-    wanted = {"pd", "nominal_inertia"} | ({"feedforward"} if "ff" in parts else set()) | ({"disturbance_observer"} if "dob" in parts else set())
+    wanted = (
+        {"pd", "nominal_inertia"}
+        | ({"feedforward"} if "ff" in parts else set())
+        | ({"disturbance_observer"} if "dob" in parts else set())
+    )
     assert set(boxes) == wanted
     assert all(type(box).__module__.startswith("flipdiagram.blocks.") for box in boxes.values())
-    with pytest.raises(ScenarioError, match="unknown architecture"):
+    with pytest.raises(InputError, match="unknown architecture"):
         build_controller("pid", PAPER.one_dof)
     assert check_architecture(architecture) == architecture
 
@@ -188,8 +210,12 @@ def test_a_controller_without_symbolic_form_runs_in_drake():
 
 @pytest.mark.parametrize(
     ("controller", "words"),
-    [(lambda: Plain("x", "y"), "input 'y' is unknown; valid are x_cmd"), (lambda: Plain("x", size=2), "size 2; valid is 1"), (Adder, "")],
-)  # fmt: skip
+    [
+        (lambda: Plain("x", "y"), "input 'y' is unknown; valid are x_cmd"),
+        (lambda: Plain("x", size=2), "size 2; valid is 1"),
+        (Adder, ""),
+    ],
+)
 def test_ports_that_do_not_fit_are_named(controller, words):
     if controller is Adder:
         builder = DiagramBuilder()
@@ -198,7 +224,7 @@ def test_ports_that_do_not_fit_are_named(controller, words):
         system, words = builder.Build(), "has no output 'force'"
     else:
         system = controller()
-    with pytest.raises(ScenarioError, match=words):
+    with pytest.raises(InputError, match=words):
         build_experiment(system, PAPER.one_dof)
 
 
@@ -206,7 +232,7 @@ def test_an_unstable_controller_of_ones_own_is_named_with_its_pole():
     module = own_controllers()
     with pytest.raises(SimulationError, match=r"'pid' is unstable: pole at s = "):
         frequency.compare({"pid": lambda settings: module.Pid(900.0, 60_000.0, 60.0, settings.step)}, PAPER)
-    with pytest.raises(ScenarioError, match="at least one"):
+    with pytest.raises(InputError, match="at least one"):
         frequency.compare({}, PAPER)
 
 

@@ -80,9 +80,22 @@ def test_fundamental_closed_form_and_linearisation_agree(observer):
 
 
 @settings(max_examples=12)
-@given(st.floats(0.3, 5.0), st.floats(100.0, 2000.0), st.floats(25.0, 150.0), st.floats(5.0, 150.0), st.floats(0.3, 1.5), st.booleans())
+@given(
+    st.floats(0.3, 5.0),
+    st.floats(100.0, 2000.0),
+    st.floats(25.0, 150.0),
+    st.floats(5.0, 150.0),
+    st.floats(0.3, 1.5),
+    st.booleans(),
+)
 def test_they_agree_for_other_numbers_than_the_papers(mass, k_p, k_v, g, ratio, scaled):
-    changes = {"mass": mass, "k_p": k_p, "k_v": k_v, "nominal_mass_ratio": ratio, "reference_scaled_by_nominal_mass": scaled}
+    changes = {
+        "mass": mass,
+        "k_p": k_p,
+        "k_v": k_v,
+        "nominal_mass_ratio": ratio,
+        "reference_scaled_by_nominal_mass": scaled,
+    }
     of = PAPER.one_dof.model_copy(update=changes)
     laboratory = Laboratory(of, PAPER.frequency, lenient=True)
     omega = [3.0, 40.0, 1000.0, 3000.0]

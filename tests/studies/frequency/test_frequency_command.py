@@ -7,7 +7,7 @@ import pytest
 
 from flipdiagram.cli import main as cli
 from flipdiagram.cli.options import parser, split_overrides
-from flipdiagram.errors import ScenarioError, SimulationError
+from flipdiagram.errors import InputError, SimulationError
 from flipdiagram.files import sole_use
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.studies.frequency import realisations
@@ -30,10 +30,14 @@ PAPER = Scenario()
         (["--one_dof.viscous=1000"], 2, ["one_dof.viscous", "at most"]),
         (["--one_dof.friction_model=tanh"], 2, ["signum, stick-slip"]),
         (["--frequency.g_dis=[]"], 2, ["frequency.g_dis", "at least one"]),
-        (["--one_dof.velocity_cutoff=62.8"], 3, ["'pd+dob, g_dis = 100' is unstable", "pole at s = 3.716 ± 86.7j rad/s"]),
+        (
+            ["--one_dof.velocity_cutoff=62.8"],
+            3,
+            ["'pd+dob, g_dis = 100' is unstable", "pole at s = 3.716 ± 86.7j rad/s"],
+        ),
         (["--one_dof.k_v=0"], 3, ["'pd' is unstable", "30j rad/s"]),
     ],
-)  # fmt: skip
+)
 def test_bad_input_ends_with_one_line(words, code, parts, tmp_path, capsys):
     assert cli.main(["frequency", "--quick", "--quiet", "--out", str(tmp_path / "out"), *words]) == code
     done = capsys.readouterr()
@@ -46,7 +50,14 @@ def test_the_command_writes_figures_and_prints_the_claims(tmp_path, capsys):
     # what a full run left in the folder does not survive a quick one
     stale = {"quick": False, "realisations": [1], "friction_models": {}, "measurement": {"unsteady": [1]}}
     (tmp_path / "summary.json").write_text(json.dumps(stale), encoding="utf-8")
-    words = ["--frequency.omega", "[2, 20, 60, 100, 300, 4000]", "--frequency.torque_count", "3", "--frequency.noise_time", "7"]
+    words = [
+        "--frequency.omega",
+        "[2, 20, 60, 100, 300, 4000]",
+        "--frequency.torque_count",
+        "3",
+        "--frequency.noise_time",
+        "7",
+    ]
     assert cli.main(["frequency", "--quick", "--out", str(tmp_path), *words]) == 0
     done = capsys.readouterr()
     assert "C14" in done.out and "largest relative difference" in done.out
@@ -55,8 +66,19 @@ def test_the_command_writes_figures_and_prints_the_claims(tmp_path, capsys):
     assert data["quick"] is True and not {"realisations", "friction_models"} & set(data)
     assert {len(curve["omega_rad_s"]) for curve in data["curves"]} == {6}
     assert 1 not in data["measurement"]["unsteady"]
-    names = ["fig05_gain", "fig06_gain_with_friction", "fig07_position_error", "fig08_phase", "fig09_torque", "fig10_noise"]
-    assert {path.name for path in tmp_path.iterdir()} == {f"{n}.{s}" for n in names for s in ("png", "svg")} | {"summary.json", "frequency.nc", "claims.md"}
+    names = [
+        "fig05_gain",
+        "fig06_gain_with_friction",
+        "fig07_position_error",
+        "fig08_phase",
+        "fig09_torque",
+        "fig10_noise",
+    ]
+    assert {path.name for path in tmp_path.iterdir()} == {f"{n}.{s}" for n in names for s in ("png", "svg")} | {
+        "summary.json",
+        "frequency.nc",
+        "claims.md",
+    }
 
 
 def test_two_runs_do_not_share_a_folder(tmp_path, capsys):
@@ -66,17 +88,34 @@ def test_two_runs_do_not_share_a_folder(tmp_path, capsys):
         assert cli.main(words) == 2
         assert "new' is in use by another run" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
-    assert cli.main(words) == 3 and "unstable" in capsys.readouterr().err  # the folder is free, and left as it was found
+    assert (
+        cli.main(words) == 3 and "unstable" in capsys.readouterr().err
+    )  # the folder is free, and left as it was found
     assert not list(tmp_path.iterdir())
 
 
 def test_no_order_of_options_loses_quick():
-    groups = [["--quick"], ["--quiet"], ["--out", "a.b/c"], ["--scenario=d.yaml"], ["--frequency.count", "3"], ["--frequency.lowest=2"]]
+    groups = [
+        ["--quick"],
+        ["--quiet"],
+        ["--out", "a.b/c"],
+        ["--scenario=d.yaml"],
+        ["--frequency.count", "3"],
+        ["--frequency.lowest=2"],
+    ]
     for order in itertools.permutations(groups):
         rest, overrides = split_overrides(["frequency", *itertools.chain(*order)])
-        assert parser().parse_args(rest).quick is True and overrides == {"frequency.count": "3", "frequency.lowest": "2"}
-    for word in ("--qui", "--quic", "--quick=yes", "--full"):  # no abbreviation, no value, nothing unknown is passed over
-        with pytest.raises(ScenarioError):
+        assert parser().parse_args(rest).quick is True and overrides == {
+            "frequency.count": "3",
+            "frequency.lowest": "2",
+        }
+    for word in (
+        "--qui",
+        "--quic",
+        "--quick=yes",
+        "--full",
+    ):  # no abbreviation, no value, nothing unknown is passed over
+        with pytest.raises(InputError):
             parser().parse_args(["frequency", word])
     assert parser().parse_args(["frequency", "--quiet"]).quick is False
 

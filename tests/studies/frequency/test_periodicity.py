@@ -51,7 +51,14 @@ class Logistic:
         return SimpleNamespace(final=np.stack([amplitude, np.ones(n)], axis=1), ticks=start + ticks, outputs=outputs)
 
 
-KINDS = {2.5: "periodic", 2.95: "settling", 1.15: "settling", 3.2: "subharmonic", 3.5: "subharmonic", 3.9: "not periodic"}
+KINDS = {
+    2.5: "periodic",
+    2.95: "settling",
+    1.15: "settling",
+    3.2: "subharmonic",
+    3.5: "subharmonic",
+    3.9: "not periodic",
+}
 
 
 def test_what_a_loop_does_is_told_from_its_windows():
@@ -122,7 +129,10 @@ def test_held_friction_feels_the_part_of_a_tick_that_a_period_leaves():
         missed = [response.steady[i] for response in responses.values() for i in (0, 1)].count(False)
         assert len(found[law]) == missed and (laboratory.steps > before) == (missed > 0)
     assert found["stick-slip"] == []
-    assert [(e["architecture"], e["omega_rad_s"]) for e in found["signum"]] == [("pd+ff", omega[1]), ("pd+ff+dob", omega[0])]
+    assert [(e["architecture"], e["omega_rad_s"]) for e in found["signum"]] == [
+        ("pd+ff", omega[1]),
+        ("pd+ff+dob", omega[0]),
+    ]
     for entry, periods in zip(found["signum"], (5, 1), strict=True):
         assert (entry["kind"], entry["friction_model"], entry["verdict"]) == ("friction", "signum", "periodic")
         assert entry["repeats_after_periods"] == periods
@@ -131,10 +141,17 @@ def test_held_friction_feels_the_part_of_a_tick_that_a_period_leaves():
 
 
 def test_the_sentence_counts_what_unsteady_responses_do():
-    entries = [{"verdict": name, "spread": 2e-4, "spread_of_fundamental": 3e-8} for name in ("periodic", "subharmonic", "periodic")]
+    entries = [
+        {"verdict": name, "spread": 2e-4, "spread_of_fundamental": 3e-8}
+        for name in ("periodic", "subharmonic", "periodic")
+    ]
     result = SimpleNamespace(unsteady=entries, measured=SimpleNamespace(study=PAPER.frequency))
     said = frequency_tables.steadiness(result)
     assert "within 1e-05" in said and "but 3, which differ by up to 0.0002, in the fundamental by up to 3e-08" in said
-    assert "2 settled and periodic" in said and "1 repeating only after several windows" in said and "not periodic" not in said
+    assert (
+        "2 settled and periodic" in said
+        and "1 repeating only after several windows" in said
+        and "not periodic" not in said
+    )
     result.unsteady = []
     assert frequency_tables.steadiness(result) == "Successive windows agree within 1e-05 for every response."

@@ -53,18 +53,35 @@ def test_the_summary_keeps_its_contract(summary):
     assert summary["schema"] == "flipdiagram/turnover/1"
     assert summary["scenario"] == json.loads(json.dumps(Scenario().model_dump(mode="json")))
     assert {
-        "cost_J", "release_angle_rad", "touchdown_angle_rad", "release_time_s", "touchdown_time_s", "max_sliding_angle_rad",
-        "friction_angle_rad", "iterations", "solve_time_s",
-    } <= set(summary["plan"])  # fmt: skip
+        "cost_J",
+        "release_angle_rad",
+        "touchdown_angle_rad",
+        "release_time_s",
+        "touchdown_time_s",
+        "max_sliding_angle_rad",
+        "friction_angle_rad",
+        "iterations",
+        "solve_time_s",
+    } <= set(summary["plan"])
     assert summary["plan"]["max_sliding_angle_rad"] < summary["plan"]["friction_angle_rad"]
     assert [run["architecture"] for run in summary["runs"]] == list(ARCHITECTURES)
 
 
 def test_all_files_are_there_and_no_half_ones(out):
     names = {path.name for path in out.iterdir()} - {"stdout"}
-    pictures = {f"{n}.{s}" for n in (
-        "plan", "fig12_snapshots", "fig13_trajectories", "fig14_velocities", "fig15_accelerations", "sliding_angle", "torques",
-    ) for s in ("png", "svg")}  # fmt: skip
+    pictures = {
+        f"{n}.{s}"
+        for n in (
+            "plan",
+            "fig12_snapshots",
+            "fig13_trajectories",
+            "fig14_velocities",
+            "fig15_accelerations",
+            "sliding_angle",
+            "torques",
+        )
+        for s in ("png", "svg")
+    }
     assert names == pictures | {f"{a}.nc" for a in ARCHITECTURES} | {"plan.json", "summary.json", "replay.html"}
 
 
@@ -97,10 +114,14 @@ def test_the_impossible_ends_with_exit_3_one_line_and_no_files(tmp_path):
 def test_ctrl_c_stops_within_two_seconds_and_keeps_finished_runs(tmp_path):
     command = [*COMMAND, "--out", str(tmp_path), "--jobs", "1"]
     process = subprocess.Popen(
-        command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True,
+        command,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
         # in the background of a shell it would inherit a Ctrl-C that is ignored
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )  # fmt: skip
+    )
     assert process.stderr is not None
     for line in process.stderr:
         if line.startswith("1/4"):

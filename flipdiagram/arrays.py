@@ -1,0 +1,14 @@
+"""Types of NumPy arrays; a docstring gives the shape and the unit of each."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+"""Of any scalar: floats, or Drake's AutoDiffXd and Expression."""
+Floats = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Indices = NDArray[np.int64]
