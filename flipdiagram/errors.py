@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Self
 
 
 class FlipdiagramError(Exception):
@@ -26,6 +26,12 @@ class InputError(FlipdiagramError):
     def __init__(self, message: str, *, field: str | None = None, value: Any = None, valid: Any = None) -> None:
         super().__init__(message)
         self.field, self.value, self.valid = field, value, valid
+
+    @classmethod
+    def of(cls, field: str, value: Any, valid: Any) -> Self:
+        """The error whose sentence is 'field = value; valid is …'; valid: words, or the names to choose from."""
+        words = valid if isinstance(valid, str) else ", ".join(map(str, valid))
+        return cls(f"{field} = {value!r}; valid is {words}", field=field, value=value, valid=valid)
 
 
 class ScenarioError(InputError):
