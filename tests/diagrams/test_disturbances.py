@@ -13,8 +13,7 @@ from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import InputError
 from flipdiagram.planning import plan_motion
 from flipdiagram.robot.parts import add_parts, arm_of
-from flipdiagram.scenario import text as scenario_io
-from flipdiagram.scenario.scenario import JOINTS, Scenario
+from flipdiagram.scenario.scenario import JOINTS, Scenario, field_paths
 from flipdiagram.simulation.simulate import simulate
 
 G = 9.81
@@ -221,7 +220,7 @@ BAD = [
 
 @pytest.mark.parametrize(("path", "value"), BAD)
 def test_a_value_that_makes_no_sense_is_refused_by_the_name_of_its_field(path, value):
-    assert path in scenario_io.field_paths(Scenario)
+    assert path in field_paths()
     with pytest.raises(InputError, match=path):
         Scenario().with_overrides({path: value})
 

@@ -20,8 +20,8 @@ import flipdiagram
 from flipdiagram.flips.flips import PLAN_SECTIONS, SOURCES, Clock, Flip, Outcome, _done, run_flips
 from flipdiagram.flips.store import Store
 from flipdiagram.planning import plan_motion
-from flipdiagram.scenario import text as scenario_io
-from flipdiagram.scenario.scenario import ARCHITECTURES, FILES, Scenario
+from flipdiagram.scenario.scenario import ARCHITECTURES, FILES, Scenario, field_paths
+from flipdiagram.scenario.text import fields_of
 from flipdiagram.simulation import metrics
 from flipdiagram.simulation.metrics import FlipMetrics, Touchdown
 from flipdiagram.simulation.recording_files import load_recording, recording_key
@@ -73,7 +73,7 @@ def another(path):
     if isinstance(value, tuple):
         return tuple(1.01 * v + (0.001 if v == 0 else 0.0) for v in value)
     if isinstance(value, str):
-        choices = get_args(scenario_io.section_of(Scenario, section).model_fields[name].annotation)
+        choices = get_args(fields_of(Scenario)[path].annotation)
         return next(choice for choice in choices if choice != value)
     if value is None:
         return 0.05
@@ -84,11 +84,7 @@ def another(path):
 
 OWN_ARM = ("base", "flange", "base_pose", "mount_angle", "home", "torque_limits", "speed_limits", "reflected_inertia")
 """Fields that are refused without an arm of the user's own."""
-PATHS = [
-    path
-    for path in scenario_io.field_paths(Scenario)
-    if path not in FILES and path not in [f"arm.{name}" for name in OWN_ARM]
-]
+PATHS = [path for path in field_paths() if path not in FILES and path not in [f"arm.{name}" for name in OWN_ARM]]
 UNUSED = ("one_dof", "frequency")
 
 
