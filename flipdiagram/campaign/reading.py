@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from flipdiagram.errors import InputError
-from flipdiagram.scenario.text import _Loader, show
+from flipdiagram.scenario.yaml_reader import _Loader, show
 
 LARGEST = 1_000_000
 """Characters that a specification may have."""

@@ -15,8 +15,9 @@ import xarray as xr
 
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import InputError
-from flipdiagram.scenario import text as scenario_io
+from flipdiagram.scenario import text
 from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.scenario.yaml_reader import read_mapping
 
 NEEDED = ("x", "x_cmd", "v", "v_cmd", "a", "a_cmd", "q", "qd", "tau", "block_pose", "tool_pose", "contact_force")
 """What every recording holds; see `flipdiagram.simulation.recording`."""
@@ -98,13 +99,9 @@ def pretty(unit: str) -> str:
 
 
 def field_unit(path: str) -> str:
-    """Unit of a scenario field, from its description; '' where the field has none or is unknown."""
-    section, _, name = path.partition(".")
-    if section not in Scenario.model_fields:
-        return ""
-    field = scenario_io.section_of(Scenario, section).model_fields.get(name)
-    match = re.search(r"\[([^]]+)\]$", (field.description or "") if field else "")
-    return match[1] if match else ""
+    """Unit of a scenario field; '' where the field has none or is unknown."""
+    field = text.fields_of(Scenario).get(path)
+    return text.unit_of(field) if field else ""
 
 
 def flat(nested: Mapping[str, Any]) -> dict[str, Any]:
@@ -119,8 +116,8 @@ def flat(nested: Mapping[str, Any]) -> dict[str, Any]:
 
 def scenario_fields(data: xr.Dataset) -> dict[str, Any] | None:
     """Scenario fields of a recording by path; None where it keeps none.  InputError where they are no YAML."""
-    text = data.attrs.get("scenario")
-    return flat(scenario_io.parse_mapping(str(text), "scenario of the recording")) if text else None
+    yaml = data.attrs.get("scenario")
+    return flat(read_mapping(str(yaml), "scenario of the recording")[0]) if yaml else None
 
 
 def number(value: Any) -> str:

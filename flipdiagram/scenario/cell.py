@@ -52,16 +52,14 @@ class Arm(Section):
 
     @model_validator(mode="after")
     def _above_zero(self) -> Arm:
-        for name in (
+        per_joint = (
             "link_inertia_scales",
             "reflected_inertia_scales",
             "torque_limits",
             "speed_limits",
             "reflected_inertia",
-        ):
-            values = getattr(self, name)
-            if values is not None and (not values or min(values) <= 0):
-                raise invalid(name, values, "a number above 0 for each joint, or null")
+        )
+        self.require_positive(per_joint, "a number above 0 for each joint, or null")
         if self.file is None:
             for name in ("base", "flange", "mount_angle", *OWN_ARM):
                 if getattr(self, name) != type(self).model_fields[name].default:

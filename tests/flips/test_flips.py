@@ -15,13 +15,15 @@ from typing import get_args
 import grimp
 import numpy as np
 import pytest
+from patience import HUNG
+from shared import default_plan
 
 import flipdiagram
 from flipdiagram.flips.flips import PLAN_SECTIONS, SOURCES, Clock, Flip, Outcome, _done, run_flips
 from flipdiagram.flips.store import Store
 from flipdiagram.planning import plan_motion
-from flipdiagram.scenario import text as scenario_io
-from flipdiagram.scenario.scenario import ARCHITECTURES, FILES, Scenario
+from flipdiagram.scenario.scenario import ARCHITECTURES, FILES, Scenario, field_paths
+from flipdiagram.scenario.text import fields_of
 from flipdiagram.simulation import metrics
 from flipdiagram.simulation.metrics import FlipMetrics, Touchdown
 from flipdiagram.simulation.recording_files import load_recording, recording_key
@@ -73,7 +75,7 @@ def another(path):
     if isinstance(value, tuple):
         return tuple(1.01 * v + (0.001 if v == 0 else 0.0) for v in value)
     if isinstance(value, str):
-        choices = get_args(scenario_io.section_of(Scenario, section).model_fields[name].annotation)
+        choices = get_args(fields_of(Scenario)[path].annotation)
         return next(choice for choice in choices if choice != value)
     if value is None:
         return 0.05
@@ -84,11 +86,7 @@ def another(path):
 
 OWN_ARM = ("base", "flange", "base_pose", "mount_angle", "home", "torque_limits", "speed_limits", "reflected_inertia")
 """Fields that are refused without an arm of the user's own."""
-PATHS = [
-    path
-    for path in scenario_io.field_paths(Scenario)
-    if path not in FILES and path not in [f"arm.{name}" for name in OWN_ARM]
-]
+PATHS = [path for path in field_paths() if path not in FILES and path not in [f"arm.{name}" for name in OWN_ARM]]
 UNUSED = ("one_dof", "frequency")
 
 
@@ -131,7 +129,7 @@ def test_a_plan_depends_on_the_sections_of_the_plan_alone():
     other = Scenario().with_overrides(changes)
     for section in ("joint_friction", "disturbance", "controller", "sensors", "simulation"):
         assert getattr(other, section) != getattr(Scenario(), section)
-    one, two = plan_motion(Scenario()), plan_motion(other)
+    one, two = default_plan(), plan_motion(other)
     for name, value in vars(one).items():
         if name not in ("solve_time", "program_times"):  # how long it took
             np.testing.assert_array_equal(value, getattr(two, name), err_msg=name)
@@ -326,17 +324,17 @@ def test_a_killed_command_goes_on_where_it_was(tmp_path):
         stdout=subprocess.DEVNULL,
         start_new_session=True,
     )
-    until = time.monotonic() + 60
+    until = time.monotonic() + HUNG
     while len(before := finished(killed)) < 1:
         assert process.poll() is None and time.monotonic() < until
         time.sleep(0.02)
     os.killpg(process.pid, signal.SIGKILL)
-    process.wait(30)
+    process.wait(HUNG)
     before = finished(killed)
     assert len(before) == 1
     assert not (killed / "summary.json").exists()
 
-    done = subprocess.run([*COMMAND, "--out", str(killed)], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([*COMMAND, "--out", str(killed)], capture_output=True, text=True, timeout=HUNG)
     assert done.returncode == 0, done.stderr
     assert "2 flips, 1 of them to be run" in done.stderr
     after = finished(killed)

@@ -14,7 +14,7 @@ from flipdiagram.flips.flips import Outcome
 from flipdiagram.planning import plan_motion
 from flipdiagram.plants.cell import joint_friction
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
-from flipdiagram.scenario.text import parse_value
+from flipdiagram.scenario.yaml_reader import parse_value
 from flipdiagram.simulation import metrics
 from flipdiagram.simulation.metrics import FlipMetrics
 from flipdiagram.simulation.simulate import simulate
