@@ -61,7 +61,7 @@ class Graph:
 
 @dataclass(frozen=True)
 class _End:
-    """A port of a drawn box; `names` of it from the outermost open sub-diagram that exports it to the box's own."""
+    """A port of a box; `names` of it from the outermost open sub-diagram that exports it to the box's own."""
 
     path: Path
     names: tuple[str, ...]
@@ -73,7 +73,7 @@ def read_graph(
 ) -> Graph:
     """Boxes and arrows of a diagram; see `flipdiagram.drawing.draw` for the arguments and the errors."""
     if isinstance(depth, bool) or not isinstance(depth, int) or depth < 0:
-        raise InputError(f"depth = {depth!r}; valid is a whole number >= 0")
+        raise InputError.of("depth", depth, "a whole number >= 0")
     return _Reader(diagram, depth, groups or {}, taps).read()
 
 
@@ -105,7 +105,7 @@ def named_systems(diagram: Diagram) -> list[tuple[str, System]]:
     """Systems of a diagram and their names; one that has none, for which Drake takes its address, goes by its class."""
     systems = list(diagram.GetSystems())
     taken = {system.get_name() for system in systems}
-    found = []
+    named = []
     for system in systems:
         name = system.get_name()
         if not name or _ADDRESS.search(name):
@@ -115,8 +115,8 @@ def named_systems(diagram: Diagram) -> list[tuple[str, System]]:
                 count += 1
                 name = f"{stem}_{count}"
             taken.add(name)
-        found.append((name, system))
-    return found
+        named.append((name, system))
+    return named
 
 
 class _Reader:
@@ -126,7 +126,7 @@ class _Reader:
         self._diagram, self._depth, self._taps = diagram, depth, taps
         self._group_of = _group_of(diagram, groups)
         self._paths: dict[System, Path] = {}
-        self._drawn: dict[Path, Box] = {}
+        self._boxes: dict[Path, Box] = {}
         self._open: list[Path] = []
         self._arrows: list[Arrow] = []
 
@@ -148,7 +148,7 @@ class _Reader:
             if end is None or (closed_loop and not self._taps and end.port in carried):
                 continue
             self._add_arrow(end, _End(self._add_terminal(port.get_name(), "output"), (), port.get_name()))
-        return Graph(tuple(self._drawn.values()), tuple(self._arrows), tuple(self._open), self._diagram)
+        return Graph(tuple(self._boxes.values()), tuple(self._arrows), tuple(self._open), self._diagram)
 
     def _add_boxes(self, diagram: Diagram, above: Path) -> None:
         for name, system in named_systems(diagram):
@@ -164,7 +164,7 @@ class _Reader:
                 self._open.append(outer)
             if not isinstance(system, Diagram):
                 kind = "sum" if isinstance(system, Adder) else "box"
-                self._drawn[path] = Box(path, kind, ((path, system),))
+                self._boxes[path] = Box(path, kind, ((path, system),))
             elif len(path) > self._depth:
                 self._add_closed(path, leaves(path, system))
             else:
@@ -172,14 +172,14 @@ class _Reader:
                 self._add_boxes(system, path)
 
     def _add_closed(self, path: Path, inside: Iterator[tuple[Path, System]]) -> None:
-        before = self._drawn[path].systems if path in self._drawn else ()
-        self._drawn[path] = Box(path, "closed", (*before, *inside))
+        before = self._boxes[path].systems if path in self._boxes else ()
+        self._boxes[path] = Box(path, "closed", (*before, *inside))
 
     def _add_terminal(self, name: str, kind: str) -> Path:
         path: Path = (name,)
-        while path in self._drawn or path in self._open:
+        while path in self._boxes or path in self._open:
             path = (f"{path[0]} ({kind})",)
-        self._drawn[path] = Box(path, kind, ())
+        self._boxes[path] = Box(path, kind, ())
         return path
 
     def _connect(self, diagram: Diagram) -> None:
@@ -220,12 +220,12 @@ class _Reader:
 
     def _visible(self, system: System) -> Path | None:
         path = self._paths.get(system)
-        while path and path not in self._drawn:
+        while path and path not in self._boxes:
             path = path[:-1]
         return path or None
 
     def _add_arrow(self, start: _End, end: _End) -> None:
-        if start.path == end.path and self._drawn[start.path].kind == "closed" and self._inside_group(start.path):
+        if start.path == end.path and self._boxes[start.path].kind == "closed" and self._inside_group(start.path):
             return
         signal = ""
         if start.names and end.names:
@@ -239,15 +239,18 @@ class _Reader:
 def _group_of(diagram: Diagram, groups: Mapping[str, Collection[str]]) -> dict[str, str]:
     """Name of the group by name of the system.  Raises InputError for names that do not fit the diagram."""
     names = [name for name, _ in named_systems(diagram)]
-    found: dict[str, str] = {}
+    group_of: dict[str, str] = {}
     for group, members in groups.items():
         for name in members:
             if name not in names:
-                raise InputError(f"group '{group}' names system '{name}'; choose from {', '.join(names)}")
-            if name in found:
-                raise InputError(f"system '{name}' is in groups '{found[name]}' and '{group}'; one is valid")
-            found[name] = group
+                message = f"group '{group}' names system '{name}'; choose from {', '.join(names)}"
+                raise InputError(message, field="groups", value=name, valid=names)
+            if name in group_of:
+                message = f"system '{name}' is in groups '{group_of[name]}' and '{group}'; one is valid"
+                raise InputError(message, field="groups", value=name)
+            group_of[name] = group
     for group in groups:
-        if group in names and found.get(group) != group:
-            raise InputError(f"group '{group}' has the name of a system outside it; choose another name")
-    return found
+        if group in names and group_of.get(group) != group:
+            message = f"group '{group}' has the name of a system outside it; choose another name"
+            raise InputError(message, field="groups", value=group)
+    return group_of
