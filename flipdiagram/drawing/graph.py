@@ -15,18 +15,18 @@ _ADDRESS = re.compile(r"@[0-9a-f]{6,}")
 _GENERIC = re.compile(r"(?:u|y|sum|in|out|input|output|data)_?\d*")
 """Names that Drake's own systems give their ports, which say nothing of the signal."""
 
-Path = tuple[str, ...]
+Names = tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Box:
-    """One thing drawn: a leaf system, a closed sub-diagram or group, or a port of the whole diagram."""
+    """What a drawing shows as one: a leaf system, a closed sub-diagram or group, or a port of the whole diagram."""
 
-    path: Path
+    path: Names
     """Names from the outermost open sub-diagram to the box itself."""
     kind: str
     """`box`, `sum` (a Drake Adder), `closed` (a sub-diagram or group not opened), `input` or `output`."""
-    systems: tuple[tuple[Path, System], ...]
+    systems: tuple[tuple[Names, System], ...]
     """The leaf systems that it stands for, with their full paths."""
 
     @property
@@ -39,8 +39,8 @@ class Box:
 class Arrow:
     """One connection between two boxes, of a signal from port to port."""
 
-    source: Path
-    target: Path
+    source: Names
+    target: Names
     signal: str
     """Name of the signal after its ports; empty where they have none of their own (Drake's u0, y0, sum)."""
     source_port: str
@@ -54,7 +54,7 @@ class Graph:
 
     boxes: tuple[Box, ...]
     arrows: tuple[Arrow, ...]
-    open_paths: tuple[Path, ...]
+    open_paths: tuple[Names, ...]
     """Sub-diagrams and groups that are drawn open, outermost first."""
     diagram: Diagram
 
@@ -63,7 +63,7 @@ class Graph:
 class _End:
     """A port of a box; `names` of it from the outermost open sub-diagram that exports it to the box's own."""
 
-    path: Path
+    path: Names
     names: tuple[str, ...]
     port: str
 
@@ -77,7 +77,7 @@ def read_graph(
     return _Reader(diagram, depth, groups or {}, taps).read()
 
 
-def full_name(path: Path) -> str:
+def full_name(path: Names) -> str:
     """A path as one name, which Graphviz keeps as it is."""
     return "/".join(path).replace("\\", "∖").replace("\n", " ")
 
@@ -92,7 +92,7 @@ def _only_looks_on(system: System) -> bool:
     return isinstance(system, VectorLogSink) or getattr(system, "only_looks_on", False)
 
 
-def leaves(path: Path, system: System) -> Iterator[tuple[Path, System]]:
+def leaves(path: Names, system: System) -> Iterator[tuple[Names, System]]:
     """The leaf systems of a system with their paths, in the order in which they were added."""
     if not isinstance(system, Diagram):
         yield path, system
@@ -120,14 +120,14 @@ def named_systems(diagram: Diagram) -> list[tuple[str, System]]:
 
 
 class _Reader:
-    """One reading of a diagram: which path each system has, and which of the paths are drawn."""
+    """One reading of a diagram: which path each system has, and which of the paths are shown."""
 
     def __init__(self, diagram: Diagram, depth: int, groups: Mapping[str, Collection[str]], taps: bool) -> None:
         self._diagram, self._depth, self._taps = diagram, depth, taps
         self._group_of = _group_of(diagram, groups)
-        self._paths: dict[System, Path] = {}
-        self._boxes: dict[Path, Box] = {}
-        self._open: list[Path] = []
+        self._paths: dict[System, Names] = {}
+        self._boxes: dict[Names, Box] = {}
+        self._open: list[Names] = []
         self._arrows: list[Arrow] = []
 
     def read(self) -> Graph:
@@ -150,7 +150,7 @@ class _Reader:
             self._add_arrow(end, _End(self._add_terminal(port.get_name(), "output"), (), port.get_name()))
         return Graph(tuple(self._boxes.values()), tuple(self._arrows), tuple(self._open), self._diagram)
 
-    def _add_boxes(self, diagram: Diagram, above: Path) -> None:
+    def _add_boxes(self, diagram: Diagram, above: Names) -> None:
         for name, system in named_systems(diagram):
             if not self._taps and _only_looks_on(system):
                 continue
@@ -171,12 +171,12 @@ class _Reader:
                 self._open.append(path)
                 self._add_boxes(system, path)
 
-    def _add_closed(self, path: Path, inside: Iterator[tuple[Path, System]]) -> None:
+    def _add_closed(self, path: Names, inside: Iterator[tuple[Names, System]]) -> None:
         before = self._boxes[path].systems if path in self._boxes else ()
         self._boxes[path] = Box(path, "closed", (*before, *inside))
 
-    def _add_terminal(self, name: str, kind: str) -> Path:
-        path: Path = (name,)
+    def _add_terminal(self, name: str, kind: str) -> Names:
+        path: Names = (name,)
         while path in self._boxes or path in self._open:
             path = (f"{path[0]} ({kind})",)
         self._boxes[path] = Box(path, kind, ())
@@ -218,7 +218,7 @@ class _Reader:
     def _full_name(self, system: System, port: str) -> str:
         return f"{full_name(self._paths[system])}.{port}"
 
-    def _visible(self, system: System) -> Path | None:
+    def _visible(self, system: System) -> Names | None:
         path = self._paths.get(system)
         while path and path not in self._boxes:
             path = path[:-1]
@@ -232,7 +232,7 @@ class _Reader:
             signal = next((name for name in (*start.names, *end.names) if not _GENERIC.fullmatch(name)), "")
         self._arrows.append(Arrow(start.path, end.path, signal, start.port, end.port))
 
-    def _inside_group(self, path: Path) -> bool:
+    def _inside_group(self, path: Names) -> bool:
         return path[0] in self._group_of.values()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 
-from flipdiagram.drawing.graph import Path, full_name
+from flipdiagram.drawing.graph import Names, full_name
 from flipdiagram.drawing.layout import Line
 from flipdiagram.drawing.routes import GAP, Point, Rectangle, Route, Routes, Wire, around, branches, place_name
 from flipdiagram.drawing.typography import size_of
@@ -90,7 +90,7 @@ def _below(boxes: dict[str, Rectangle], lines: tuple[Line, ...]) -> dict[str, Re
     return boxes if any(box.overlaps(other) for box, other in pairs) else placed
 
 
-def _sides(lines: tuple[Line, ...]) -> tuple[list[Path], list[Path]]:
+def _sides(lines: tuple[Line, ...]) -> tuple[list[Names], list[Names]]:
     """Boxes of the main path, and those that take or give feedback beside it."""
     main = {path: None for line in lines if line.main for path in (line.source, line.target)}
     back = {path: None for line in lines if line.backward for path in (line.source, line.target) if path not in main}
