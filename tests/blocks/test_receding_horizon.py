@@ -224,7 +224,7 @@ def test_no_output_depends_on_an_input():
 
 @pytest.mark.parametrize("bad", [{"period": 0.0}, {"delay": -0.1}, {"blend": 0.0}, {"early": 0.0}])
 def test_times_that_make_no_sense_are_refused(bad):
-    with pytest.raises(InputError, match="valid are period, blend and early above 0"):
+    with pytest.raises(InputError, match="valid is period, blend and early above 0"):
         Timing(**({"period": 0.04, "delay": 0.01, "blend": 0.1, "early": EARLY} | bad))
 
 
