@@ -29,7 +29,7 @@ class SimulatedDiagram(BatchDiagram):
             except NotCompilable as error:
                 raise InputError(f"{error}; or give the period of a tick to Drake's Simulator") from None
         elif not (np.isfinite(period) and period > 0.0):
-            raise InputError(f"period = {period} s; it must be finite and > 0")
+            raise InputError.of("period", period, "finite and > 0, in seconds")
         else:
             offset = 0.0
         super().__init__(layout, period, offset, set())
@@ -79,5 +79,5 @@ class SimulatedDiagram(BatchDiagram):
 
 def read_outputs(layout: Layout, context: Any) -> Floats:
     """All exported outputs, flat, of a context of the diagram."""
-    found = [layout.structure.diagram.get_output_port(p.index).Eval(context) for p in layout.structure.outputs]
-    return np.concatenate(found) if found else np.zeros(0)
+    ports = [layout.structure.diagram.get_output_port(port.index) for port in layout.structure.outputs]
+    return np.concatenate([port.Eval(context) for port in ports]) if ports else np.zeros(0)

@@ -65,8 +65,8 @@ class Linearization:
 
     def poles(self) -> Complex:
         """The eigenvalues of A, largest magnitude first; stable inside the unit circle."""
-        found = np.linalg.eigvals(self.A).astype(complex)
-        return np.asarray(found[np.argsort(-np.abs(found), kind="stable")])
+        z = np.linalg.eigvals(self.A).astype(complex)
+        return np.asarray(z[np.argsort(-np.abs(z), kind="stable")])
 
     def response(
         self, omega: ArrayLike, inputs: Sequence[str] | str | None = None, outputs: Sequence[str] | str | None = None
@@ -78,29 +78,6 @@ class Linearization:
         b = np.broadcast_to(self.B[:, columns], (frequencies.size, len(self.A), len(columns)))
         states = np.linalg.solve(z * np.eye(len(self.A)) - self.A, b)
         return np.asarray(self.C[rows] @ states + self.D[np.ix_(rows, columns)])
-
-    def restricted(
-        self, inputs: Sequence[str] | str | None = None, outputs: Sequence[str] | str | None = None
-    ) -> Linearization:
-        """These inputs and outputs only, without the states that no such output can see (sums of meters)."""
-        columns, rows = self._places("input", inputs), self._places("output", outputs)
-        seen = (self.C[rows] != 0.0).any(axis=0)
-        while True:
-            more = seen | (self.A[seen] != 0.0).any(axis=0)
-            if (more == seen).all():
-                break
-            seen = more
-        kept = np.flatnonzero(seen)
-        return Linearization(
-            self.A[np.ix_(kept, kept)],
-            self.B[np.ix_(kept, columns)],
-            self.C[np.ix_(rows, kept)],
-            self.D[np.ix_(rows, columns)],
-            self.dt,
-            tuple(self.state_names[i] for i in kept),
-            tuple(self.input_names[i] for i in columns),
-            tuple(self.output_names[i] for i in rows),
-        )
 
     def to_control(self) -> Any:
         """The same as a ``control.StateSpace`` of python-control, names included."""
@@ -119,13 +96,14 @@ class Linearization:
         known = self.input_names if kind == "input" else self.output_names
         if names is None:
             return np.arange(len(known))
-        found: list[int] = []
+        places: list[int] = []
         for name in (names,) if isinstance(names, str) else names:
-            places = [i for i, k in enumerate(known) if k == name or k.rpartition("[")[0] == name]
-            if not places:
-                raise InputError(f"unknown {kind} '{name}'; choose from {', '.join(known) or 'none: there are none'}")
-            found += places
-        return np.array(found, dtype=np.int64)
+            elements = [i for i, k in enumerate(known) if k == name or k.rpartition("[")[0] == name]
+            if not elements:
+                message = f"unknown {kind} '{name}'; choose from {', '.join(known) or 'none: there are none'}"
+                raise InputError(message, field=kind, value=name, valid=known)
+            places += elements
+        return np.array(places, dtype=np.int64)
 
 
 def linearize(
