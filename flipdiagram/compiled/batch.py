@@ -124,7 +124,7 @@ class BatchDiagram(ABC):
             raise InputError.of("threads", threads, "an integer >= 1")
         named, columns = self._columns(log)
         rows = int(given.ticks.max()) // every + 1 if log else 0
-        final, record = self._advance(given, columns, rows, int(every), threads)
+        final, record = self.advance(given, columns, rows, int(every), threads)
         return Run(
             self.layout.states.split(final),
             self.layout.outputs.split(self._outputs_after(given, final)),
@@ -135,8 +135,8 @@ class BatchDiagram(ABC):
         )
 
     @abstractmethod
-    def _advance(
-        self, given: Channels, columns: Indices, rows: int, every: int, threads: int | None
+    def advance(
+        self, given: Channels, columns: Indices, rows: int, every: int = 1, threads: int | None = None
     ) -> tuple[Floats, Floats]:
         """The states after the last update, (n, states), and the log, (n, ``rows``, width), nan where none is due.
 
@@ -172,7 +172,7 @@ class BatchDiagram(ABC):
         )
         still = Channels(np.zeros_like(given.ticks), given.start + given.ticks, final, given.parameters, held[:, None])
         size = self.layout.outputs.size
-        return self._advance(still, np.arange(size), min(size, 1), 1, 1)[1].reshape(len(final), size)
+        return self.advance(still, np.arange(size), min(size, 1), 1, 1)[1].reshape(len(final), size)
 
     def _states(self, state: Mapping[str, ArrayLike] | ArrayLike | None) -> Floats:
         if state is None or isinstance(state, Mapping):

@@ -18,7 +18,7 @@ from flipdiagram.compiled.linear import Linearization, linearize
 from flipdiagram.compiled.printer import kernel_source
 from flipdiagram.compiled.read import Program, read_program
 from flipdiagram.compiled.structure import flatten
-from flipdiagram.compiled.threads import advance
+from flipdiagram.compiled.threads import run_kernel
 from flipdiagram.errors import InputError
 
 Ties = Mapping[str, Sequence[str]] | None
@@ -51,10 +51,11 @@ class CompiledDiagram(BatchDiagram):
         point = self.operating_point(parameters, state, inputs)
         return linearize(self.program, self.layout, *point, int(tick))
 
-    def _advance(
-        self, given: Channels, columns: Indices, rows: int, every: int, threads: int | None
+    def advance(
+        self, given: Channels, columns: Indices, rows: int, every: int = 1, threads: int | None = None
     ) -> tuple[Floats, Floats]:
-        return advance(self._kernel, given, columns, rows, every, threads)
+        """See ``BatchDiagram.advance``."""
+        return run_kernel(self._kernel, given, columns, rows, every, threads)
 
 
 @overload

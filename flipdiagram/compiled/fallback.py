@@ -38,9 +38,10 @@ class SimulatedDiagram(BatchDiagram):
         """Only a compiled diagram knows its derivatives."""
         raise NotCompilable("a simulated diagram cannot be linearised exactly; compile it")
 
-    def _advance(
-        self, given: Channels, columns: Indices, rows: int, every: int, threads: int | None
+    def advance(
+        self, given: Channels, columns: Indices, rows: int, every: int = 1, threads: int | None = None
     ) -> tuple[Floats, Floats]:
+        """See ``BatchDiagram.advance``."""
         final, log = given.state.copy(), np.full((len(given.state), rows, columns.size), np.nan)
         for c in range(given.ticks.size):
             self._advance_one(given, c, columns, every, final[c], log[c])
