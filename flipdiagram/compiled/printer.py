@@ -113,7 +113,7 @@ class _Printer:
         k, row, *x = b.phi(INTEGER), b.phi(INTEGER), *(b.phi(DOUBLES) for _ in begin)
         self._values |= {i: x[place] for i, place in self._atoms("state")}
         self._time_and_inputs(k, start, channel, inside)
-        self._compute(i for i in self._order if i in self._in_tick - self._constant)
+        self._compute(i for i in self._order if i in self._in_tick and i not in self._constant)
         due = b.and_(b.icmp_signed("==", k, b.mul(row, given["every"])), b.icmp_signed("<", row, given["rows"]))
         with b.if_then(due, likely=False):
             reached = b.icmp_signed(">=", length, b.spread(k))
