@@ -23,7 +23,7 @@ from flipdiagram.errors import InputError, SimulationError
 from flipdiagram.robot.model_files import box_inertia, table_size
 from flipdiagram.scenario.scenario import Scenario, from_yaml
 from flipdiagram.simulation import metrics
-from flipdiagram.simulation.recording import Recording, continuous, in_tool
+from flipdiagram.simulation.recording import Recording, continuous, in_tool, rotations
 
 BLADE_MASS = 1e4
 """Mass [kg] and moment of inertia about every axis [kg m2] of the blade: 10⁵ blocks, so that the block cannot push it;
@@ -96,12 +96,12 @@ def blade_motion(recording: Recording, time: Floats, point: Floats) -> tuple[Flo
     step = float(time[1] - time[0])
     spline = CubicSpline(recording["time"].values, continuous(recording["tool_pose"].values))
     pose = spline(np.concatenate([[time[0] - step], time]))
-    q = pose[:, :4] / np.linalg.norm(pose[:, :4], axis=1, keepdims=True)
-    w, v = q[:, :1], q[:, 1:]
-    place = pose[:, 4:] + point + 2 * np.cross(v, np.cross(v, point) + w * point)
-    # vector part of 2 q* q' / h, for a small turn from q to q'
-    spin = 2 * (w[:-1] * v[1:] - w[1:] * v[:-1] - np.cross(v[:-1], v[1:])) / step
-    return np.hstack([place, q])[1:], np.hstack([np.diff(place, axis=0) / step, spin])
+    turns = rotations(pose)
+    place = pose[:, 4:] + turns.apply(point)
+    # 2 / h times the vector part of the turn from each pose to the next: small turns
+    spin = 2 * (turns[:-1].inv() * turns[1:]).as_quat(canonical=True)[:, :3] / step
+    qpos = np.hstack([place, turns.as_quat(scalar_first=True)])
+    return qpos[1:], np.hstack([np.diff(place, axis=0) / step, spin])
 
 
 def replay_in_mujoco(recording: Recording, settings: Settings | None = None) -> Recording:
@@ -135,7 +135,8 @@ def replay_in_mujoco(recording: Recording, settings: Settings | None = None) -> 
 
     data.qpos[:7], data.qvel[:6] = qpos[0], qvel[0]
     data.qpos[7:] = np.roll(recording["block_pose"].values[first], 3)
-    data.qvel[6:] = [*qvel[0, :3], *_turned(mujoco, qvel[0, 3:], qpos[0, 3:], data.qpos[10:])]
+    blade, block = rotations(np.array([qpos[0, 3:], data.qpos[10:]]))
+    data.qvel[6:] = [*qvel[0, :3], *(block.inv() * blade).apply(qvel[0, 3:])]  # at rest on the blade, in its own axes
     poses, forces = recording["block_pose"].values.copy(), recording["contact_force"].values.copy()
     blade_error = 0.0
     for k in range(first, len(time)):
@@ -188,15 +189,15 @@ def mjcf(scenario: Scenario, settings: Settings, step: float, origin: Floats) ->
 
     step [s]; origin: of the blade's body, in the tool frame [m].
     """
-    tool, thing, table = scenario.tool, scenario.object, scenario.table
+    tool, block, table = scenario.tool, scenario.object, scenario.table
     plate = table_size()
-    block_size = np.array([thing.width, thing.length, thing.thickness])
+    block_size = np.array([block.width, block.length, block.thickness])
     blade_size = np.array([tool.blade_length, tool.blade_width, tool.blade_thickness])
     blade_centre = np.array([0.0, 0.0, -tool.blade_thickness / 2])
     top = (scenario.task.start_x, scenario.task.target_y, table.height - plate[2] / 2)
-    inertia = box_inertia(thing.mass, block_size.tolist())
+    inertia = box_inertia(block.mass, block_size.tolist())
     # 2ab/(a + b), as Drake combines them; the spatula has the friction of the object (`parts.add_parts`): a = b there
-    on_table = 2 * thing.friction * table.friction / (thing.friction + table.friction)
+    on_table = 2 * block.friction * table.friction / (block.friction + table.friction)
     solref = _text((settings.time_constant, settings.damping_ratio))
     solimp = _text((settings.impedance, settings.impedance, 1e-3, 0.5, 2.0))
     contact = f'condim="{settings.condim}" solref="{solref}" solimp="{solimp}"'
@@ -213,23 +214,14 @@ def mjcf(scenario: Scenario, settings: Settings, step: float, origin: Floats) ->
       <inertial pos="0 0 0" mass="{BLADE_MASS!r}" diaginertia="{_text([BLADE_MASS] * 3)}"/>
       <geom name="blade" size="{_text(blade_size / 2)}" pos="{_text(blade_centre - origin)}"/></body>
     <body name="block"><freejoint/>
-      <inertial pos="0 0 0" mass="{thing.mass!r}" diaginertia="{_text(inertia)}"/>
+      <inertial pos="0 0 0" mass="{block.mass!r}" diaginertia="{_text(inertia)}"/>
       <geom name="block" size="{_text(block_size / 2)}"/></body>
   </worldbody>
   <contact>
-    <pair geom1="blade" geom2="block" friction="{thing.friction!r} {thing.friction!r}" {contact}/>
+    <pair geom1="blade" geom2="block" friction="{block.friction!r} {block.friction!r}" {contact}/>
     <pair geom1="table" geom2="block" friction="{on_table!r} {on_table!r}" {contact}/>
   </contact>
 </mujoco>"""
-
-
-def _turned(mujoco: Any, vector: Floats, old: Floats, new: Floats) -> Floats:
-    """A vector given in the axes of one quaternion, in those of another."""
-    inverse, result = np.empty(4), np.empty(3)
-    mujoco.mju_negQuat(inverse, new)
-    mujoco.mju_mulQuat(inverse, inverse, old)
-    mujoco.mju_rotVecQuat(result, vector, inverse)
-    return result
 
 
 def _mujoco() -> Any:
