@@ -55,8 +55,7 @@ def build_scene(scenario: Scenario) -> Scene:
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.001)
     parts = add_parts(plant, scenario)
-    thing = scenario.object
-    size = (thing.width, thing.length, thing.thickness)
+    size = scenario.object.size
     # 0.2 mm larger than the block, or both surfaces would flicker
     upper = Box(size[0] + 2e-4, size[1] + 2e-4, size[2] / 2)
     above: Any = np.array([0.0, 0.0, size[2] / 4 + 1e-4])

@@ -71,7 +71,7 @@ def _planned(data: Recording, scenario: Scenario) -> dict[str, tuple[Floats, str
     a, theta = data["a_cmd"].values, data["x_cmd"].values[:, 2]
     carried = time <= data.attrs["release_time_s"]
     tangential, normal = contact.contact_force(a[:, :2], theta)
-    gyration = box_inertia(1.0, (block.width, block.length, block.thickness))[0]
+    gyration = box_inertia(1.0, block.size)[0]
     pressure = contact.centre_of_pressure(a, theta, block.thickness / 2, gyration)
     with np.errstate(divide="ignore", invalid="ignore"):
         use = np.abs(tangential) / (block.friction * normal)

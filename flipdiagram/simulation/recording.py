@@ -30,20 +30,14 @@ POSE = ["qw", "qx", "qy", "qz", "x", "y", "z"]
 
 AXES, JOINTS, POSES = ("time", "axis"), ("time", "joint"), ("time", "pose")
 SIGNALS = {
-    "x_cmd": (AXES, "m, m, rad"),
-    "v_cmd": (AXES, "m/s, m/s, rad/s"),
-    "a_cmd": (AXES, "m/s2, m/s2, rad/s2"),
-    "x": (AXES, "m, m, rad"),
-    "v": (AXES, "m/s, m/s, rad/s"),
-    "a": (AXES, "m/s2, m/s2, rad/s2"),
+    **dict.fromkeys(("x_cmd", "x"), (AXES, "m, m, rad")),
+    **dict.fromkeys(("v_cmd", "v"), (AXES, "m/s, m/s, rad/s")),
+    **dict.fromkeys(("a_cmd", "a"), (AXES, "m/s2, m/s2, rad/s2")),
     "q": (JOINTS, "rad"),
     "qd": (JOINTS, "rad/s"),
-    "tau": (JOINTS, "N m"),
-    "tau_dis": (JOINTS, "N m"),
-    "tool_pose": (POSES, "1, 1, 1, 1, m, m, m"),
-    "block_pose": (POSES, "1, 1, 1, 1, m, m, m"),
-    "sliding_angle": (("time",), "rad"),
-    "sliding_angle_cmd": (("time",), "rad"),
+    **dict.fromkeys(("tau", "tau_dis"), (JOINTS, "N m")),
+    **dict.fromkeys(("tool_pose", "block_pose"), (POSES, "1, 1, 1, 1, m, m, m")),
+    **dict.fromkeys(("sliding_angle", "sliding_angle_cmd"), (("time",), "rad")),
     "contact_force": (("time", "pair", "direction"), "N"),
     # of an MPC that replans; see `blocks.receding_horizon.Status` for the status
     "solve_time": (("time",), "s"),
