@@ -7,6 +7,7 @@ import threading
 from pathlib import Path
 
 import pytest
+from patience import HUNG
 
 from flipdiagram.errors import InputError
 from flipdiagram.flips import store as module
@@ -40,7 +41,7 @@ def test_every_entry_is_on_the_disk_before_the_next_is_begun(tmp_path):
         "    os.kill(os.getpid(), signal.SIGKILL)\n"
     )
     path = tmp_path / "runs.sqlite"
-    done = subprocess.run([sys.executable, "-c", program, str(path)], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", program, str(path)], capture_output=True, text=True, timeout=HUNG)
     assert done.returncode == -9, done.stderr
     with Store(path) as store:
         assert [store.outcome(str(k)) for k in range(20)] == [f"outcome {k}" for k in range(20)]
