@@ -25,9 +25,15 @@ BACKGROUND, TABLE, ARM, BLADE, RUBBER = "#d6e0eb", "#a9a08c", "#5b6b7d", "#39424
 
 
 def draw_cell(scenario: Scenario, project: Projection, size: int, q: Array, tool: Array, block: Array) -> Array:
-    """Pictures (n, size, size, 3) of uint8 of n instants: joints q (n, 6), poses of tool and block (n, 7).
+    """Pictures (n, size, size, 3) of uint8 of n instants.
 
-    project takes points (..., 3) of the world to pixels (..., 2): column, row.
+    Args:
+        scenario: what was simulated.
+        project: takes points (..., 3) of the world to pixels (..., 2): column, row.
+        size: pixels a side.
+        q: joint angles (n, 6) [rad].
+        tool: poses (n, 7).
+        block: poses (n, 7).
     """
     scene = build_scene(scenario)
     context = scene.context()
@@ -51,7 +57,7 @@ def _draw(
     ax = figure.add_axes((0, 0, 1, 1), xlim=(-0.5, pixels - 0.5), ylim=(pixels - 0.5, -0.5))
     ax.set_axis_off()
     tool, task = scenario.tool, scenario.task
-    top = RigidTransform(np.array([task.start_x, task.target_y, scenario.table.height]))  # type: ignore[arg-type]
+    top = RigidTransform([task.start_x, task.target_y, scenario.table.height])
     arm = project(joints)
     ax.plot(*arm.T, color=ARM, linewidth=pixels / 24, solid_capstyle="round", solid_joinstyle="round")
     ax.plot(*arm.T, "o", color="white", markersize=pixels / 60)

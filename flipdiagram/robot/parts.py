@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 from pydrake.geometry import GeometrySet
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
@@ -50,8 +48,8 @@ def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
     block = _add_own_object(plant, scenario) if scenario.object.file else _add_block(plant, scenario)
     table = _only_body(plant, table_sdf(scenario.table.friction))
     height = scenario.table.height + scenario.disturbance.table_error
-    top: Any = np.array([scenario.task.start_x, scenario.task.target_y, height])
-    plant.WeldFrames(plant.world_frame(), table.body_frame(), RigidTransform(top))
+    X_WT = RigidTransform([scenario.task.start_x, scenario.task.target_y, height])
+    plant.WeldFrames(plant.world_frame(), table.body_frame(), X_WT)
     _leave_out_collisions(plant, arm)
     return Parts(arm, block, table)
 

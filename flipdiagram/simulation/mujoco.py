@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -20,7 +19,7 @@ from scipy.interpolate import CubicSpline
 
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import InputError, SimulationError
-from flipdiagram.robot.model_files import box_inertia, table_size
+from flipdiagram.robot.model_files import box_inertia, spaced, table_size
 from flipdiagram.scenario.scenario import Scenario, from_yaml
 from flipdiagram.simulation import metrics
 from flipdiagram.simulation.recording import Recording, continuous, in_tool, rotations
@@ -185,8 +184,8 @@ def mjcf(scenario: Scenario, settings: Settings, step: float, origin: Floats) ->
     inertia = box_inertia(block.mass, block.size)
     # 2ab/(a + b), as Drake combines them; the spatula has the friction of the object (`parts.add_parts`): a = b there
     on_table = 2 * block.friction * table.friction / (block.friction + table.friction)
-    solref = _text((settings.time_constant, 1.0))
-    solimp = _text((settings.impedance, settings.impedance, 1e-3, 0.5, 2.0))
+    solref = spaced((settings.time_constant, 1.0))
+    solimp = spaced((settings.impedance, settings.impedance, 1e-3, 0.5, 2.0))
     contact = f'condim="3" solref="{solref}" solimp="{solimp}"'
     # contype and conaffinity 0: nothing touches but the pairs that are named
     return f"""<mujoco>
@@ -195,13 +194,13 @@ def mjcf(scenario: Scenario, settings: Settings, step: float, origin: Floats) ->
           iterations="100" tolerance="1e-12"><flag autoreset="disable"/></option>
   <default><geom type="box" contype="0" conaffinity="0"/></default>
   <worldbody>
-    <geom name="table" size="{_text(plate / 2)}" pos="{_text(top)}"/>
+    <geom name="table" size="{spaced(plate / 2)}" pos="{spaced(top)}"/>
     <body name="blade"><freejoint/>
-      <inertial pos="0 0 0" mass="{BLADE_MASS!r}" diaginertia="{_text([BLADE_MASS] * 3)}"/>
-      <geom name="blade" size="{_text(np.array(tool.blade_size) / 2)}" pos="{_text(blade_centre - origin)}"/></body>
+      <inertial pos="0 0 0" mass="{BLADE_MASS!r}" diaginertia="{spaced([BLADE_MASS] * 3)}"/>
+      <geom name="blade" size="{spaced(np.array(tool.blade_size) / 2)}" pos="{spaced(blade_centre - origin)}"/></body>
     <body name="block"><freejoint/>
-      <inertial pos="0 0 0" mass="{block.mass!r}" diaginertia="{_text(inertia)}"/>
-      <geom name="block" size="{_text(np.array(block.size) / 2)}"/></body>
+      <inertial pos="0 0 0" mass="{block.mass!r}" diaginertia="{spaced(inertia)}"/>
+      <geom name="block" size="{spaced(np.array(block.size) / 2)}"/></body>
   </worldbody>
   <contact>
     <pair geom1="blade" geom2="block" friction="{block.friction!r} {block.friction!r}" {contact}/>
@@ -224,7 +223,3 @@ def _scenario_of(recording: Recording) -> Scenario:
     if bad:
         raise InputError(f"the recording lacks finite {', '.join(bad)}; valid is one that `simulate` returns")
     return from_yaml(recording.attrs["scenario"], "scenario of the recording")
-
-
-def _text(values: Iterable[float]) -> str:
-    return " ".join(repr(float(value)) for value in values)
