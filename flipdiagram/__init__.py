@@ -9,7 +9,6 @@ Every name is loaded at its first use, so that importing the package, and the co
 """
 
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
         ScenarioError,
         SimulationError,
     )
+    from flipdiagram.files import __version__ as __version__
     from flipdiagram.planning import Plan, plan_motion
     from flipdiagram.results.comparison import Comparison, compare
     from flipdiagram.results.info import info
@@ -60,15 +60,11 @@ __all__ = [
     "simulate",
 ]
 
-try:
-    __version__ = version("flipdiagram")
-except PackageNotFoundError:  # run from a checkout that was never installed
-    __version__ = "0+unknown"
-
 _ROOMS = {
     "compiled": ("CompiledDiagram", "compile_diagram"),
     "diagrams.loop": ("Loop", "build_loop"),
     "drawing": ("Drawing", "draw"),
+    "files": ("__version__",),
     "planning": ("Plan", "plan_motion"),
     "results": ("Comparison", "compare", "info", "open_result"),
     "scenario.scenario": ("ARCHITECTURES", "Scenario", "load"),

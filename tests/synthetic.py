@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicSpline
 
-from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 
 RELEASE, MOTION, TOUCHDOWN, END = 0.5, 0.75, 0.72, 1.2
@@ -44,7 +44,7 @@ def recording(architecture="pd+ff+dob"):
     knots = np.arange(t[0], t[-1] + 0.01, 0.02)
     at_knots = command(knots - lag) - np.array([0.0, sag, 0.0])
     rest = np.tile([scenario.task.start_x, 0.0, 0.0], (len(knots), 1))
-    joints = ArmModel(tool_height=thickness / 2).inverse_kinematics_path(np.hstack([at_knots, rest]), tol=1e-6)
+    joints = arm_of(scenario).inverse_kinematics_path(np.hstack([at_knots, rest]), tol=1e-6)
     spline = CubicSpline(knots, joints)
     q, qd = spline(t), spline(t, 1)
 

@@ -16,7 +16,7 @@ from matplotlib.ticker import LogLocator
 
 from flipdiagram.campaign.modes import MODES, SUCCESS
 from flipdiagram.campaign.sensitivity import strength
-from flipdiagram.figures.motion import NAMES, RC, STYLES, save
+from flipdiagram.figures.style import NAMES, RC, STYLES, save
 
 Summary = Mapping[str, Any]
 

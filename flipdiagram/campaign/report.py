@@ -12,7 +12,7 @@ from flipdiagram.campaign.conduct import FILE
 from flipdiagram.campaign.dataset import load_dataset
 from flipdiagram.campaign.figures import plot_tuning, write_figures
 from flipdiagram.campaign.tables import section, tuning_section
-from flipdiagram.figures.motion import save
+from flipdiagram.figures.style import save
 from flipdiagram.files import write_atomically, write_summary
 from flipdiagram.scenario.scenario import Scenario, from_mapping
 

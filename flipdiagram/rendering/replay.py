@@ -23,7 +23,8 @@ from pydrake.multibody.tree import BodyIndex
 
 from flipdiagram.arrays import Array
 from flipdiagram.errors import SimulationError
-from flipdiagram.figures.motion import NAMES, dropped_at, style_of
+from flipdiagram.figures.motion import dropped_at
+from flipdiagram.figures.style import NAMES, style_of
 from flipdiagram.files import write_atomically
 from flipdiagram.rendering.scene import Scene, build_scene
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario

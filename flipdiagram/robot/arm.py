@@ -19,18 +19,15 @@ from numpy.typing import ArrayLike
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces_, SpatialInertia, UnitInertia
+from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces_
 from pydrake.symbolic import Expression
 
 from flipdiagram.arrays import Array
 from flipdiagram.errors import InputError
 from flipdiagram.robot import inverse_kinematics, task_space
-from flipdiagram.robot import model_files as assets
-from flipdiagram.robot.assembly import REFLECTED_INERTIA_SCALE, ArmHandles, add_arm
-from flipdiagram.robot.own_files import ArmFile
-from flipdiagram.robot.task_space import AXES, UNITS
-
-__all__ = ["AXES", "UNITS", "ArmHandles", "ArmModel", "add_arm"]
+from flipdiagram.robot.arm_spec import ArmSpec
+from flipdiagram.robot.assembly import add_arm
+from flipdiagram.robot.task_space import AXES
 
 
 class ArmModel:
@@ -43,64 +40,22 @@ class ArmModel:
     [rad]; qd_max [rad/s]; tau_max, tau_rated [N m]; each of shape (n_joints,), read from the URDF and scaled.
     """
 
-    def __init__(
-        self,
-        tool_height: float = 0.005,
-        *,
-        link_inertia_scale: float = 1.0,
-        reflected_inertia_scale: float = REFLECTED_INERTIA_SCALE,
-        speed_scale: float = 1.0,
-        torque_scale: float = 1.0,
-        link_inertia_scales: Sequence[float] | None = None,
-        reflected_inertia_scales: Sequence[float] | None = None,
-        payload_mass: float = 0.0,
-        payload_inertia: float = 0.0,
-        arm: ArmFile | str | None = None,
-        spatula: str | None = None,
-        base_pose: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
-    ) -> None:
-        """As `add_arm`; payload_mass [kg] rides at C, with payload_inertia [kg m^2] about x.
-
-        The inertia about y and z is set to the same: the task turns about x. Raises InputError for a bad
-        number.
-        """
+    def __init__(self, spec: ArmSpec | None = None) -> None:
+        """The arm of a spec, by default mh3f.urdf with spatula.urdf."""
         plant = MultibodyPlant(0.0)
-        self.handles = add_arm(
-            plant,
-            tool_height=tool_height,
-            link_inertia_scale=link_inertia_scale,
-            reflected_inertia_scale=reflected_inertia_scale,
-            speed_scale=speed_scale,
-            torque_scale=torque_scale,
-            link_inertia_scales=link_inertia_scales,
-            reflected_inertia_scales=reflected_inertia_scales,
-            arm=arm,
-            spatula=spatula,
-            base_pose=base_pose,
-        )
-        mass = assets.check_not_negative("payload_mass", payload_mass)
-        inertia = assets.check_not_negative("payload_inertia", payload_inertia)
-        if inertia > 0 and mass == 0:
-            raise InputError(f"payload_inertia = {inertia} needs a payload_mass above 0, which is {mass}")
-        if mass > 0:
-            centre: Any = np.zeros(3)
-            gyration = inertia / mass
-            M_C = SpatialInertia(mass, centre, UnitInertia(gyration, gyration, gyration))
-            body = plant.AddRigidBody("payload", self.handles.spatula, M_C)
-            plant.WeldFrames(self.handles.control_point, body.body_frame())
+        handles = self.handles = add_arm(plant, spec or ArmSpec())
         plant.Finalize()
-        handles = self.handles
         by_name = {name: plant.GetJointByName(name, handles.arm) for name in handles.rated_torques}
         self.joint_names = tuple(sorted(by_name, key=lambda name: by_name[name].velocity_start()))
         self.n_joints = plant.num_velocities()
+        if self.n_joints < len(AXES):
+            raise InputError(f"the arm has {self.n_joints} moving joints; valid are at least {len(AXES)}")
         # a joint that turns without end may turn once either way
         self.q_min = np.maximum(np.array(plant.GetPositionLowerLimits(), dtype=float), -2 * np.pi)
         self.q_max = np.minimum(np.array(plant.GetPositionUpperLimits(), dtype=float), 2 * np.pi)
         self.qd_max = np.array(plant.GetVelocityUpperLimits(), dtype=float)
         self.tau_max = np.array(plant.GetEffortUpperLimits(), dtype=float)
         self.tau_rated = np.array([handles.rated_torques[name] for name in self.joint_names])
-        if self.n_joints < len(AXES):
-            raise InputError(f"the arm has {self.n_joints} moving joints; valid are at least {len(AXES)}")
         self._bind(plant, float)
         self.knows_home = handles.home is not None
         home = handles.home or dict(zip(self.joint_names, (self.q_min + self.q_max) / 2, strict=True))

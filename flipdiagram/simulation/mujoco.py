@@ -14,14 +14,13 @@ import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import InputError, SimulationError
-from flipdiagram.robot import model_files as assets
+from flipdiagram.robot.model_files import box_inertia, table_size
 from flipdiagram.scenario.scenario import Scenario, from_yaml
 from flipdiagram.simulation import metrics
 from flipdiagram.simulation.recording import Recording, continuous, in_tool
@@ -190,13 +189,12 @@ def mjcf(scenario: Scenario, settings: Settings, step: float, origin: Floats) ->
     step [s]; origin: of the blade's body, in the tool frame [m].
     """
     tool, thing, table = scenario.tool, scenario.object, scenario.table
-    plate = ElementTree.fromstring(assets.table_sdf()).findtext(".//collision/geometry/box/size") or ""
-    table_size = np.array([float(edge) for edge in plate.split()])
+    plate = table_size()
     block_size = np.array([thing.width, thing.length, thing.thickness])
     blade_size = np.array([tool.blade_length, tool.blade_width, tool.blade_thickness])
     blade_centre = np.array([0.0, 0.0, -tool.blade_thickness / 2])
-    top = (scenario.task.start_x, scenario.task.target_y, table.height - table_size[2] / 2)
-    inertia = assets.box_inertia(thing.mass, block_size.tolist())
+    top = (scenario.task.start_x, scenario.task.target_y, table.height - plate[2] / 2)
+    inertia = box_inertia(thing.mass, block_size.tolist())
     # 2ab/(a + b), as Drake combines them; the spatula has the friction of the object (`parts.add_parts`): a = b there
     on_table = 2 * thing.friction * table.friction / (thing.friction + table.friction)
     solref = _text((settings.time_constant, settings.damping_ratio))
@@ -210,7 +208,7 @@ def mjcf(scenario: Scenario, settings: Settings, step: float, origin: Floats) ->
           iterations="100" tolerance="1e-12" noslip_tolerance="1e-12"><flag autoreset="disable"/></option>
   <default><geom type="box" contype="0" conaffinity="0"/></default>
   <worldbody>
-    <geom name="table" size="{_text(table_size / 2)}" pos="{_text(top)}"/>
+    <geom name="table" size="{_text(plate / 2)}" pos="{_text(top)}"/>
     <body name="blade"><freejoint/>
       <inertial pos="0 0 0" mass="{BLADE_MASS!r}" diaginertia="{_text([BLADE_MASS] * 3)}"/>
       <geom name="blade" size="{_text(blade_size / 2)}" pos="{_text(blade_centre - origin)}"/></body>

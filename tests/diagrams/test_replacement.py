@@ -37,8 +37,7 @@ def plan():
 
 
 def run(plan, architecture, replace):
-    loop = build_loop(SHORT, architecture, record=True, replace=replace)
-    return simulate(SHORT, architecture, plan, loop=loop).recording
+    return simulate(SHORT, architecture, plan, replace=replace).recording
 
 
 def test_our_own_pd_in_its_own_place_changes_no_bit(plan):

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from synthetic import END, MOTION, RELEASE, recording
 
 from flipdiagram.errors import InputError
-from flipdiagram.figures import motion as figures
+from flipdiagram.figures.style import STYLES
 from flipdiagram.files import write_summary
 from flipdiagram.planning.plan import Plan
 from flipdiagram.results import compare, info, open_result
@@ -220,7 +220,7 @@ def test_every_signal_is_drawn_with_units_command_and_events(best, signal, count
         lines = {line.get_label(): line for line in panel.get_lines()}
         assert ("command" in lines) == (command or signal.endswith("_cmd"))
         if not signal.endswith("_cmd"):
-            assert to_hex(lines["PD + FF + DOB"].get_color()).upper() == figures.STYLES["pd+ff+dob"].color
+            assert to_hex(lines["PD + FF + DOB"].get_color()).upper() == STYLES["pd+ff+dob"].color
         at = {name: lines[name].get_xdata()[0] for name in ("planned release", "release", "touch-down")}
         assert at["planned release"] == RELEASE
         assert at["release"] == pytest.approx(measure(best).release_time_s)
@@ -269,7 +269,7 @@ def test_an_unknown_signal_is_named_with_what_was_meant(best):
 def test_an_architecture_of_ones_own_is_drawn_in_a_colour_of_its_own(best):
     mine = best.assign_attrs(architecture="adaptive")
     line = next(line for line in mine.flip.plot("x_y").get_lines() if line.get_label() == "adaptive")
-    assert to_hex(line.get_color()).upper() not in {style.color for style in figures.STYLES.values()}
+    assert to_hex(line.get_color()).upper() not in {style.color for style in STYLES.values()}
     assert mine.flip.path() and mine.flip.margins()
 
 
