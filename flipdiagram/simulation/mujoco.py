@@ -213,7 +213,7 @@ def _mujoco() -> Any:
     try:
         return importlib.import_module("mujoco")
     except ImportError:
-        raise InputError("the second engine needs MuJoCo: pip install 'flipdiagram[bench]'") from None
+        raise InputError("the second engine needs MuJoCo: pip install 'flipdiagram[mujoco]'") from None
 
 
 def _scenario_of(recording: Recording) -> Scenario:

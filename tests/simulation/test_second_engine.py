@@ -19,7 +19,7 @@ from flipdiagram.simulation import mujoco as second_engine
 from flipdiagram.simulation.mujoco import Settings, blade_motion, compare, mjcf, replay_in_mujoco
 from flipdiagram.simulation.recording import in_tool
 
-mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'flipdiagram[bench]'")
+mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'flipdiagram[mujoco]'")
 
 G = 9.81
 MASS = Scenario().object.mass
