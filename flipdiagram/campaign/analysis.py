@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flipdiagram.campaign.dataset import parameters_of
-from flipdiagram.campaign.modes import MODES, NOT_PHYSICS
+from flipdiagram.campaign.dataset import counted, parameters_of
 from flipdiagram.campaign.sensitivity import TARGETS, chance, groups_of, sensitivities, sobol, strength
 from flipdiagram.campaign.statistics import holm, mcnemar, paired_difference, wilson
+from flipdiagram.flips.outcome import MODES
 from flipdiagram.simulation.metrics import SATURATED
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
@@ -39,13 +39,9 @@ def analyse(data: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def _counted(part: xr.Dataset) -> np.ndarray:
-    return ((part["outcome"] != "") & ~part["outcome"].isin(NOT_PHYSICS)).values
-
-
 def _architecture(part: xr.Dataset) -> dict[str, Any]:
-    counted = _counted(part)
-    won, n = int(part["success"].values[counted].sum()), int(counted.sum())
+    among = counted(part)
+    won, n = int(part["success"].values[among].sum()), int(among.sum())
     low, high = wilson(won, n)
     outcomes = part["outcome"].values
     torque = part["torque_use"].values
@@ -75,8 +71,8 @@ def _pairs(data: xr.Dataset, names: list[str]) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     for one, other in itertools.combinations(names[::-1], 2):
         a, b = data.sel(architecture=one), data.sel(architecture=other)
-        counted = _counted(a) & _counted(b)
-        won_a, won_b = a["success"].values[counted], b["success"].values[counted]
+        among = counted(a) & counted(b)
+        won_a, won_b = a["success"].values[among], b["success"].values[among]
         both, first = int((won_a & won_b).sum()), int((won_a & ~won_b).sum())
         second, neither = int((~won_a & won_b).sum()), int((~won_a & ~won_b).sum())
         difference, low, high = paired_difference(both, first, second, neither)
@@ -84,7 +80,7 @@ def _pairs(data: xr.Dataset, names: list[str]) -> list[dict[str, Any]]:
             {
                 "first": one,
                 "second": other,
-                "trials": int(counted.sum()),
+                "trials": int(among.sum()),
                 "first_only": first,
                 "second_only": second,
                 "difference": difference,
@@ -117,11 +113,11 @@ def success_map(data: xr.Dataset, names: list[str]) -> dict[str, Any] | None:
     found: dict[str, Any] = {}
     for name in names:
         part = data.sel(architecture=name)
-        counted, won = _counted(part), part["success"].values
+        among, won = counted(part), part["success"].values
         shape = (len(y["values"]), len(x["values"]))
         trials, successes = np.zeros(shape, dtype=int), np.zeros(shape, dtype=int)
-        np.add.at(trials, (y["index"][counted], x["index"][counted]), 1)
-        np.add.at(successes, (y["index"][counted], x["index"][counted]), won[counted].astype(int))
+        np.add.at(trials, (y["index"][among], x["index"][among]), 1)
+        np.add.at(successes, (y["index"][among], x["index"][among]), won[among].astype(int))
         found[name] = {"trials": trials.tolist(), "successes": successes.tolist()}
     x, y = ({"parameter": name} | axis for name, axis in zip(chosen, (x, y), strict=True))
     del x["index"], y["index"]

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flipdiagram.campaign.modes import SUCCESS
-from flipdiagram.campaign.opening import opened
-from flipdiagram.campaign.results import Row
 from flipdiagram.campaign.specification import numeric
 from flipdiagram.errors import InputError
 from flipdiagram.files import atomic_path
+from flipdiagram.flips.outcome import NOT_PHYSICS, SUCCESS
+from flipdiagram.flips.store import Row
+from flipdiagram.flips.store_file import open_to_read
 
 METRICS = {
     "position_rmse_m": "m",
@@ -38,7 +38,7 @@ def load_dataset(path: str | Path) -> xr.Dataset:
 
     Coordinates: trial, architecture; of each trial the seed and each varied parameter by its name.
     """
-    with opened(path) as results:
+    with open_to_read(path) as results:
         specification, rows, digest = results.specification(), list(results.rows()), results.meta()["digest"]
     return to_dataset(specification, rows).assign_attrs(digest=digest)
 
@@ -96,6 +96,12 @@ def to_dataset(specification: dict[str, Any], rows: list[Row]) -> xr.Dataset:
 def parameters_of(data: xr.Dataset) -> list[str]:
     """Names of the varied parameters, in the order of the file."""
     return list(json.loads(data.attrs["parameters"]))
+
+
+def counted(part: xr.Dataset) -> np.ndarray:
+    """Which trials of an architecture say something about its controller, shape (trial,)."""
+    outcome = part["outcome"].values
+    return ~np.isin(outcome, ["", *NOT_PHYSICS])
 
 
 def export(path: str | Path, target: str | Path) -> Path:

@@ -63,7 +63,7 @@ class Distribution:
         """The share u of which `value` is the value; None where it cannot be drawn."""
         if (values := self.values) is not None:
             return (values.index(value) + 0.5) / len(values) if value in values else None
-        if not _finite(value) or (self.kind == "loguniform" and value <= 0):
+        if not is_number(value) or (self.kind == "loguniform" and value <= 0):
             return None
         first, second = self.numbers
         if self.kind == "normal":
@@ -107,7 +107,7 @@ def distribution(data: Any) -> Distribution:
         if "clip" in data:
             raise DistributionError(f"clip does not go with {kind}; valid is a list of the values wanted")
         return Distribution(kind, plain)
-    if len(values) != 2 or not all(_finite(value) for value in values):
+    if len(values) != 2 or not all(is_number(value) for value in values):
         raise valid
     first, second = values
     wrong = {
@@ -125,11 +125,12 @@ def _clip(data: Mapping[str, Any], kind: str) -> tuple[float, float] | None:
     if "clip" not in data:
         return None
     clip = data["clip"]
-    good = isinstance(clip, list) and len(clip) == 2 and all(_finite(value) for value in clip) and clip[0] < clip[1]
+    good = isinstance(clip, list) and len(clip) == 2 and all(is_number(value) for value in clip) and clip[0] < clip[1]
     if not good or kind == "integers":
         raise DistributionError(f"clip of {kind} is not valid; valid is [low, high] with low < high, not for integers")
     return float(clip[0]), float(clip[1])
 
 
-def _finite(value: Any) -> bool:
+def is_number(value: Any) -> bool:
+    """Whether a value is a finite number, which true and false are not."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

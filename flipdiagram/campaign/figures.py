@@ -14,9 +14,9 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from flipdiagram.campaign.modes import MODES, SUCCESS
 from flipdiagram.campaign.sensitivity import strength
 from flipdiagram.figures.style import NAMES, RC, STYLES, save
+from flipdiagram.flips.outcome import MODES, SUCCESS
 
 Summary = Mapping[str, Any]
 

@@ -14,7 +14,8 @@ import numpy as np
 from flipdiagram.arrays import Floats
 from flipdiagram.campaign import sampling
 from flipdiagram.campaign.distributions import Distribution
-from flipdiagram.flips.flips import PLAN_SECTIONS
+from flipdiagram.flips.flight import Flight
+from flipdiagram.flips.flip import PLAN_SECTIONS
 from flipdiagram.scenario.scenario import Scenario, field_paths
 
 UNKNOWN_SECTIONS = ("arm", "tool", "object", "table")
@@ -71,7 +72,6 @@ class Specification:
     """The file, as it was read."""
     name: str = "campaign.yaml"
     """What it is called in errors."""
-    tune: Mapping[str, Any] | None = None
 
     @cached_property
     def points(self) -> Floats:
@@ -114,6 +114,12 @@ class Specification:
         """The scenario that planner and controller go by: without what they do not know."""
         return self.base.with_overrides({path: v for path, v in trial.overrides.items() if not self.unknown(path)})
 
+    def flights(self, index: int, architectures: Sequence[str]) -> list[Flight]:
+        """A trial under each of the architectures."""
+        trial = self.trial(index)
+        truth, believed = self.truth(trial), self.believed(trial)
+        return [Flight(index, truth, believed, a, trial.seed, trial.values, trial.overrides) for a in architectures]
+
     def unknown(self, path: str) -> bool:
         """Whether planner and controller do not know a field's drawn value."""
         return path.split(".")[0] in UNKNOWN_SECTIONS and path not in self.known
@@ -146,12 +152,6 @@ class Specification:
     def digest(self) -> str:
         """Name of the campaign: changes with anything that changes a result, not with comments or order of keys."""
         return hashlib.sha256(json.dumps(self.as_dict(), sort_keys=True).encode()).hexdigest()
-
-
-def scenario_digest(scenario: Scenario) -> str:
-    """Name of a scenario, as far as the flip goes."""
-    data = scenario.model_dump(mode="json", exclude={"one_dof", "frequency"})
-    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
 
 def value_of(scenario: Scenario, path: str) -> Any:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from flipdiagram.campaign.modes import NOT_PHYSICS, SUCCESS
 from flipdiagram.campaign.sensitivity import strength
+from flipdiagram.flips.outcome import NOT_PHYSICS, SUCCESS
 from flipdiagram.grid import Grid
 
 Summary = Mapping[str, Any]
@@ -17,22 +18,32 @@ FIGURES = (
     ("campaign_map", "Success over the two parameters that matter most"),
     ("campaign_errors", "Position error and torque of all flips, as shares of flips below a value"),
 )
+QUANTITIES = (
+    ("position_rmse_m", 100, 2, "position RMSE [cm]"),
+    ("angle_rmse_rad", 1, 3, "angle RMSE [rad]"),
+    ("acceleration_rmse_m_s2", 1, 2, "acceleration RMSE [m/s²]"),
+    ("max_slip_m", 1000, 1, "slip [mm]"),
+    ("torque_use", 1, 2, "torque over limit"),
+)
+"""Metric, factor, digits and heading of each column of quantiles."""
 SHOWN = 3
 """Parameters named in the table of what matters."""
 
 
 def success_grid(summary: Summary) -> Grid:
     """Success rate and failures of each architecture."""
-    found = summary["architectures"]
-    shown = [mode for mode in _modes(summary) if mode != SUCCESS]
+    modes = Counter[str]()
+    for entry in summary["architectures"].values():
+        modes.update(entry["modes"])
+    failures = [mode for mode, _ in modes.most_common() if mode != SUCCESS]
     rows = []
-    for name, entry in found.items():
+    for name, entry in summary["architectures"].items():
         rate = "–" if entry["rate"] is None else f"{100 * entry['rate']:.1f} %"
         interval = f"{100 * entry['low']:.1f}–{100 * entry['high']:.1f} %"
-        counts = [str(entry["modes"].get(mode, 0)) for mode in shown]
+        counts = [str(entry["modes"].get(mode, 0)) for mode in failures]
         saturated = "–" if entry["saturated"] is None else f"{100 * entry['saturated']:.0f} %"
         rows.append([f"`{name}`", str(entry["counted"]), rate, interval, *counts, saturated])
-    headings = ["architecture", "flips", SUCCESS, "95 % interval (Wilson)", *shown, "a joint at its torque limit"]
+    headings = ["architecture", "flips", SUCCESS, "95 % interval (Wilson)", *failures, "a joint at its torque limit"]
     return Grid(headings, rows, right=headings[1:])
 
 
@@ -40,30 +51,15 @@ def pair_grid(summary: Summary) -> Grid | None:
     """Differences between architectures over the same trials; None with one architecture."""
     rows = []
     for pair in summary["pairs"]:
-        interval = f"{100 * pair['low']:+.1f} to {100 * pair['high']:+.1f}"
-        rows.append(
-            [
-                f"`{pair['first']}` − `{pair['second']}`",
-                str(pair["trials"]),
-                f"{100 * pair['difference']:+.1f}",
-                interval,
-                str(pair["first_only"]),
-                str(pair["second_only"]),
-                _p(pair["p_holm"]),
-            ]
+        names, points = f"`{pair['first']}` − `{pair['second']}`", f"{100 * pair['difference']:+.1f}"
+        interval, only = (
+            f"{100 * pair['low']:+.1f} to {100 * pair['high']:+.1f}",
+            (pair["first_only"], pair["second_only"]),
         )
-    if not rows:
-        return None
-    headings = [
-        "difference",
-        "trials",
-        "points",
-        "95 % interval",
-        "only the first",
-        "only the second",
-        "p (McNemar, Holm)",
-    ]
-    return Grid(headings, rows, right=headings[1:])
+        rows.append([names, str(pair["trials"]), points, interval, *map(str, only), _p(pair["p_holm"])])
+    headings = ["difference", "trials", "points", "95 % interval", "only the first", "only the second"]
+    headings.append("p (McNemar, Holm)")
+    return Grid(headings, rows, right=headings[1:]) if rows else None
 
 
 def sensitivity_grid(summary: Summary) -> Grid:
@@ -95,25 +91,9 @@ def quantile_grid(summary: Summary) -> Grid:
     """Median and 95 % quantile of errors and torque, of all flips that flew."""
     rows = []
     for name, entry in summary["architectures"].items():
-        q = entry["quantiles"]
-        rows.append(
-            [
-                f"`{name}`",
-                _quantiles(q["position_rmse_m"], 100, 2),
-                _quantiles(q["angle_rmse_rad"], 1, 3),
-                _quantiles(q["acceleration_rmse_m_s2"], 1, 2),
-                _quantiles(q["max_slip_m"], 1000, 1),
-                _quantiles(q["torque_use"], 1, 2),
-            ]
-        )
-    headings = [
-        "architecture",
-        "position RMSE [cm]",
-        "angle RMSE [rad]",
-        "acceleration RMSE [m/s²]",
-        "slip [mm]",
-        "torque over limit",
-    ]
+        cells = (_quantiles(entry["quantiles"][metric], factor, digits) for metric, factor, digits, _ in QUANTITIES)
+        rows.append([f"`{name}`", *cells])
+    headings = ["architecture", *(heading for *_, heading in QUANTITIES)]
     return Grid(headings, rows, "median (95 % quantile) of all flips that flew", headings[1:])
 
 
@@ -169,14 +149,6 @@ def _table(grid: Grid | None) -> str:
     if grid is None or not grid.rows:
         return ""
     return (f"{grid.title}:\n\n" if grid.title else "") + grid.markdown()
-
-
-def _modes(summary: Summary) -> list[str]:
-    found: dict[str, int] = {}
-    for entry in summary["architectures"].values():
-        for mode, count in entry["modes"].items():
-            found[mode] = found.get(mode, 0) + count
-    return sorted(found, key=lambda mode: -found[mode])
 
 
 def _strength(entry: Mapping[str, Any]) -> str:

@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from flipdiagram.campaign.modes import MODES, SUCCESS, mode_of
+from flipdiagram.campaign.run import WORK, Progress
 from flipdiagram.campaign.specification import Specification, value_of
 from flipdiagram.campaign.statistics import mcnemar, paired_difference, wilson
 from flipdiagram.campaign.tuning import Goal, Tune
 from flipdiagram.errors import InputError
-from flipdiagram.flips.driver import WORK, Job, fly_all
-from flipdiagram.flips.engine import Engine
-from flipdiagram.flips.engines import engine
-from flipdiagram.flips.flips import Clock, Flip, Outcome
-from flipdiagram.flips.store import Store
-from flipdiagram.flips.work import Landed, Planned, Work
+from flipdiagram.flips.driver import Flying, fly_all
+from flipdiagram.flips.flight import Flight, Work
+from flipdiagram.flips.flip import Flip
+from flipdiagram.flips.outcome import MODES, SUCCESS, Outcome
+from flipdiagram.flips.run import Clock
+from flipdiagram.flips.store_file import open_to_write
+from flipdiagram.flips.workers import workers_of
 
 BATCH = 4
 """Sets of gains tried at a time: the search is the same on any number of workers."""
@@ -29,7 +29,6 @@ STARTUP = 8
 """Sets drawn at random before the search learns."""
 
 Gains = Mapping[str, Any]
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,7 @@ class Candidate:
     @property
     def won(self) -> list[bool]:
         """Whether the block was turned over, by trial."""
-        return [mode_of(outcome.failure, outcome.metrics) == SUCCESS for outcome in self.outcomes]
+        return [outcome.mode == SUCCESS for outcome in self.outcomes]
 
     @property
     def score(self) -> float:
@@ -59,7 +58,7 @@ class Candidate:
         """Rate, interval, quantile, and how many flips ended how."""
         won = sum(self.won)
         low, high = wilson(won, len(self.won))
-        ended = Counter(mode_of(outcome.failure, outcome.metrics) for outcome in self.outcomes)
+        ended = Counter(outcome.mode for outcome in self.outcomes)
         return {
             "rate": won / len(self.won),
             "low": low,
@@ -86,10 +85,15 @@ def tune(
     """
     search = _Search(wanted)
     held_out = held_out_trials(specification, wanted)
-    with Store(Path(out) / "tune.sqlite") as store, engine(jobs, scheduler) as found:
-        count = max(wanted.budget // specification.trials, 2)
-        clock = Clock(count * specification.trials + 2 * held_out.trials)
-        flyer = _Flyer(store, found, wanted, work, clock, progress)
+    count = max(wanted.budget // specification.trials, 2)
+    clock = Clock(count * specification.trials + 2 * held_out.trials)
+
+    def tick() -> None:
+        progress(f"flips {clock.tick()}")
+
+    file = open_to_write(Path(out) / "tune.sqlite", {"digest": "flips of a tuner"})
+    with file as store, workers_of(jobs, scheduler) as workers:
+        flyer = _Flyer(Flying(workers, store, work, specification.timeout, tick), wanted, clock)
         default = {path: value_of(specification.base, path) for path in wanted.over}
         tried = flyer.fly(specification, [default])
         search.tell_default(tried[0])
@@ -154,47 +158,28 @@ class _Search:
 class _Flyer:
     """Flies sets of gains over trials; what the store holds is not flown again."""
 
-    def __init__(
-        self, store: Store, engine: Engine, wanted: Tune, work: Work, clock: Clock, progress: Progress
-    ) -> None:
-        self._store, self._engine, self._wanted, self._work = store, engine, wanted, work
-        self._clock, self._progress = clock, progress
+    def __init__(self, flying: Flying, wanted: Tune, clock: Clock) -> None:
+        self._flying, self._wanted, self._clock = flying, wanted, clock
 
     def fly(self, specification: Specification, candidates: Sequence[Gains]) -> list[Candidate]:
         """The candidates with their outcomes."""
-        jobs: list[list[str]] = []
-        missing: dict[str, Job] = {}
+        name, store = self._wanted.architecture, self._flying.store
+        keys: list[list[str]] = []
+        missing: dict[str, Flight] = {}
         for gains in candidates:
             tuned = replace(specification, base=specification.base.with_overrides(gains))
-            keys = []
-            for index in range(specification.trials):
-                trial = tuned.trial(index)
-                job = Job("", tuned.truth(trial), tuned.believed(trial), self._wanted.architecture, trial.seed)
-                job.name = _key(job)
-                keys.append(job.name)
-                if self._store.outcome(job.name) is None:
-                    missing[job.name] = job
-            jobs.append(keys)
+            flights = [(_key(f), f) for k in range(specification.trials) for f in tuned.flights(k, [name])]
+            missing |= {key: replace(f, trial=key) for key, f in flights if store.outcome(key, name) is None}
+            keys.append([key for key, _ in flights])
         self._clock.total -= len(candidates) * specification.trials - len(missing)  # of an earlier run
-        fly_all(missing.values(), self._engine, self, specification.timeout, self._work)
-        found = [tuple(Outcome.from_json(self._store.outcome(key) or "") for key in keys) for keys in jobs]
-        return [Candidate(gains, o, self._wanted.goal) for gains, o in zip(candidates, found, strict=True)]
-
-    def plan(self, key: str) -> Planned | None:
-        return self._store.plan(key)
-
-    def put_plan(self, key: str, plan: str | None, error: str | None) -> None:
-        self._store.put_plan(key, plan, error)
-
-    def keep(self, ended: list[tuple[Job, Landed]]) -> None:
-        for job, landed in ended:
-            text = landed.outcome.to_json()
-            self._store.put_outcome(job.name, job.architecture, job.truth.to_yaml(), text, landed.seconds)
-            self._progress(f"flips {self._clock.tick()}")
+        fly_all(missing.values(), self._flying)
+        outcomes = [tuple(o for key in one if (o := store.outcome(key, name)) is not None) for one in keys]
+        return [Candidate(gains, o, self._wanted.goal) for gains, o in zip(candidates, outcomes, strict=True)]
 
 
-def _key(job: Job) -> str:
-    return hashlib.sha256(f"{Flip(job.truth, job.architecture).key} {job.plan_key}".encode()).hexdigest()
+def _key(flight: Flight) -> str:
+    """Name of what decides the outcome."""
+    return f"{Flip(flight.truth, flight.architecture).key} {flight.plan_key}"
 
 
 def _summary(

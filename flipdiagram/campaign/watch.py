@@ -6,9 +6,9 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flipdiagram.campaign.modes import MODES, NOT_PHYSICS, SUCCESS
-from flipdiagram.campaign.opening import is_running, opened
 from flipdiagram.campaign.statistics import wilson
+from flipdiagram.flips.outcome import MODES, NOT_PHYSICS, SUCCESS
+from flipdiagram.flips.store_file import is_running, open_to_read
 from flipdiagram.grid import Grid
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ REFRESH = 1.0
 def status_grid(path: str | Path) -> tuple[Grid, bool]:
     """How far a campaign is, and whether it has all its flips; raises InputError for a file of something else."""
     path = Path(path)
-    with opened(path) as results:
+    with open_to_read(path) as results:
         specification, counts, pace = results.specification(), results.counts(), results.pace()
     names = specification["architectures"]
     wanted = int(specification["trials"])
