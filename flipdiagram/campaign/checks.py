@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -102,7 +101,7 @@ def _base(source: Source, file: SpecificationFile, folder: Path) -> Scenario:
             return load(beside if beside.is_file() else file.base)
         return from_mapping(file.base or {})
     except InputError as error:
-        raise source.error(_named("base", str(error)), str(error)) from None
+        raise source.error(_where("base", error), str(error)) from None
 
 
 def _dimensions(source: Source, file: SpecificationFile, base: Scenario) -> tuple[Dimension, ...]:
@@ -190,7 +189,7 @@ def _check_scenarios(source: Source, specification: Specification) -> None:
             specification.truth(trial)
             specification.believed(trial)
         except InputError as error:
-            raise source.error(_named("vary", str(error)), f"trial {index}: {error}") from None
+            raise source.error(_where("vary", error), f"trial {index}: {error}") from None
 
 
 def _try_loop(source: Source, path: list[str], scenario: Scenario) -> None:
@@ -202,9 +201,8 @@ def _try_loop(source: Source, path: list[str], scenario: Scenario) -> None:
         return  # no motion from there: an outcome
 
 
-def _named(key: str, message: str) -> list[str]:
-    """Where the field that a message names stands in the file."""
-    field = re.search(r"'(\w+)\.(\w+)'", message)
-    if field is None:
+def _where(key: str, error: InputError) -> list[str]:
+    """Where the field that an error names stands in the file."""
+    if error.field is None:
         return [key]
-    return [key, f"{field[1]}.{field[2]}"] if key == "vary" else [key, field[1], field[2]]
+    return [key, error.field] if key == "vary" else [key, *error.field.split(".")]

@@ -30,7 +30,7 @@ METRICS = {
     "torque_use": "1",
 }
 """Metrics of a flip that become variables, with their units; torque_use: largest torque of any joint over its limit."""
-FORMATS = {".csv": "CSV", ".parquet": "Parquet", ".nc": "NetCDF"}
+FORMATS = (".csv", ".parquet", ".nc")
 
 
 def load_dataset(path: str | Path) -> xr.Dataset:
@@ -111,7 +111,7 @@ def export(path: str | Path, target: str | Path) -> Path:
     """
     target = Path(target)
     if target.suffix not in FORMATS:
-        raise InputError(f"--export = '{target}' is not valid; valid is a name that ends with {', '.join(FORMATS)}")
+        raise InputError.of("--export", str(target), f"a name that ends with {', '.join(FORMATS)}")
     data = load_dataset(path)
     with atomic_path(target) as temporary:
         if target.suffix == ".nc":
@@ -122,16 +122,12 @@ def export(path: str | Path, target: str | Path) -> Path:
             )
             return target
         frame = _flat(data)
-        if target.suffix == ".csv":
-            frame.to_csv(temporary, index=False)
-            return target
         try:
-            frame.to_parquet(temporary, index=False)
+            (frame.to_csv if target.suffix == ".csv" else frame.to_parquet)(temporary, index=False)
         except ImportError:
-            raise InputError(
-                f"--export = '{target}' needs pyarrow, which is not installed; install it with: pip install pyarrow,"
-                " or export .csv"
-            ) from None
+            valid = "pip install pyarrow, or export .csv"
+            text = f"--export = '{target}' needs pyarrow, which is not installed; install it with: {valid}"
+            raise InputError(text, field="--export", value=str(target), valid=valid) from None
     return target
 
 

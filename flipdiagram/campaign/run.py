@@ -10,11 +10,11 @@ from pathlib import Path
 
 from flipdiagram.campaign.checks import check_estimate
 from flipdiagram.campaign.specification import Specification
-from flipdiagram.errors import InputError
 from flipdiagram.flips.driver import Flying, fly_all
 from flipdiagram.flips.flight import Flight, Work, fly_flight, plan_drawn_flight, provenance
 from flipdiagram.flips.flip import scenario_digest
 from flipdiagram.flips.run import Clock
+from flipdiagram.flips.store import refusal
 from flipdiagram.flips.store_file import open_to_write
 from flipdiagram.flips.workers import workers_of
 
@@ -76,20 +76,14 @@ def run(
             check_estimate(specification, width)
         with open_to_write(file, meta, resume) as store:
             if store.meta()["code"] != code and not any_version:
-                raise InputError(
-                    f"'{file}' was begun with other code or versions ({store.meta()['versions']});"
-                    " valid is the same installation, another --out, or --any-version"
-                )
+                problem = f"was begun with other code or versions ({store.meta()['versions']})"
+                raise refusal(file, problem, "the same installation, another --out, or --any-version")
             done = store.done()
             _check_draws(specification, done, file)
             missing = specification.rows - len(done)
             check_estimate(specification, width, missing / specification.rows)
             progress(f"{specification.rows} flips, {missing} of them to be flown, on {workers.name}")
-            clock = Clock(missing)
-
-            def tick() -> None:
-                progress(f"flips {clock.tick()}")
-
+            tick = Clock(missing, progress).tick
             flying = Flying(workers, store, work, specification.timeout, tick, any_version)
             fly_all(missing_flights(specification, done), flying)
         return Ended(file, missing, workers.name)
@@ -106,7 +100,5 @@ def _check_draws(specification: Specification, done: Mapping[tuple[int, str], st
     for index, name in list(done)[:: -(-len(done) // COMPARED) or 1]:
         truth = specification.truth(specification.trial(index))
         if scenario_digest(truth) != done[index, name]:
-            raise InputError(
-                f"'{file}': trial {index} is drawn differently now (another version of scipy or of the scenario?);"
-                " valid is the installation with which it was begun, or another --out"
-            )
+            problem = f"holds a trial {index} that is drawn differently now (by another scipy or scenario?)"
+            raise refusal(file, problem, "the installation with which it was begun, or another --out")

@@ -28,9 +28,9 @@ def sensitivities(data: xr.Dataset, architecture: str, target: str) -> list[dict
     varies); explained: share of the variance of the target's ranks that goes with the parameter, corrected for chance.
     """
     part = data.sel(architecture=architecture)
-    wanted = np.asarray(part[target].values, dtype=float)
-    among = counted(part) & np.isfinite(wanted)
-    entries = [{"parameter": p} | _sensitivity(part[p].values[among], wanted[among]) for p in parameters_of(data)]
+    measured = np.asarray(part[target].values, dtype=float)
+    among = counted(part) & np.isfinite(measured)
+    entries = [{"parameter": p} | _sensitivity(part[p].values[among], measured[among]) for p in parameters_of(data)]
     return sorted(entries, key=lambda entry: -strength(entry))
 
 

@@ -92,11 +92,7 @@ class Specification:
 
     def at_ends(self) -> list[tuple[Dimension, Trial]]:
         """Trials with one dimension at a border and the others as in the base, to be tried before anything runs."""
-        found = []
-        for dimension in self.dimensions:
-            for value in dimension.distribution.ends():
-                found.append((dimension, self._trial(0, [value], [dimension])))
-        return found
+        return [(d, self._trial(0, [value], [d])) for d in self.dimensions for value in d.distribution.ends()]
 
     def _trial(self, index: int, values: Sequence[Any], dimensions: Sequence[Dimension] | None = None) -> Trial:
         overrides: dict[str, Any] = {}

@@ -113,5 +113,5 @@ def read(path: str | Path) -> Source:
 def parse(text: str, name: str = "campaign.yaml") -> Source:
     """The text; `name` stands for it in errors.  InputError where it is no YAML mapping."""
     if len(text) > LARGEST:
-        raise InputError(f"campaign '{name}' has {len(text)} characters; valid are at most {LARGEST}")
+        raise InputError.of(f"campaign '{name}': characters", len(text), f"at most {LARGEST}")
     return Source(name, text, *read_mapping(text, f"campaign '{name}'", "'vary: {field: …}' and so on"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 
 LEVEL = 0.95
@@ -17,6 +18,12 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
         return 0.0, 1.0
     interval = binomtest(successes, trials).proportion_ci(LEVEL, method="wilson")
     return float(interval.low), float(interval.high)
+
+
+def paired_counts(first: Sequence[bool], second: Sequence[bool]) -> tuple[int, int, int, int]:
+    """Of the same trials: how many both won, only the first, only the second, neither."""
+    pairs = Counter((bool(a), bool(b)) for a, b in zip(first, second, strict=True))
+    return pairs[True, True], pairs[True, False], pairs[False, True], pairs[False, False]
 
 
 def paired_difference(both: int, first: int, second: int, neither: int) -> tuple[float, float, float]:

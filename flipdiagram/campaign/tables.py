@@ -68,8 +68,8 @@ def sensitivity_grid(summary: Summary) -> Grid:
     for name, targets in summary["sensitivity"].items():
         for target, words in (("success", SUCCESS), ("position_rmse_m", "position RMSE"), ("torque_use", "torque")):
             known = [entry for entry in targets[target] if entry["explained"] is not None]
-            found = [entry for entry in known if strength(entry) > summary["chance"]][:SHOWN]
-            text = ", ".join(f"`{entry['parameter']}` {_strength(entry)}" for entry in found)
+            beyond = [entry for entry in known if strength(entry) > summary["chance"]][:SHOWN]
+            text = ", ".join(f"`{entry['parameter']}` {_strength(entry)}" for entry in beyond)
             rows.append([f"`{name}`", words, text or ("none" if known else "never varies, or too few flips")])
     words = "parameters, the strongest first: share of the rank variance (rank correlation)"
     title = f"what matters, beyond the {100 * summary['chance']:.0f} % that come about by chance"
@@ -80,8 +80,8 @@ def sobol_grid(summary: Summary) -> Grid | None:
     """Sobol indices of success; None unless the sampler allows them."""
     rows = [
         [f"`{name}`", f"`{entry['parameter']}`", f"{entry['first']:.2f}", f"{entry['total']:.2f}"]
-        for name, found in summary["sobol"].items()
-        for entry in sorted(found, key=lambda entry: -entry["total"])
+        for name, indices in summary["sobol"].items()
+        for entry in sorted(indices, key=lambda entry: -entry["total"])
     ]
     headings = ["architecture", "parameter", "first", "total"]
     return Grid(headings, rows, "Sobol indices of success", headings[2:]) if rows else None
@@ -120,9 +120,9 @@ def tuning_grid(tuning: Summary) -> Grid:
     for name, values in tuning["gains"].items():
         rows.append([f"`{name}`", _number(values["default"]), _number(values["tuned"])])
     for part, words in (("search", "search"), ("held_out", "held out")):
-        found = tuning[part]
-        sides = [found[side] for side in ("default", "tuned")]
-        rows.append([f"{SUCCESS}, {words} ({found['trials']} trials)", *(_rate(side) for side in sides)])
+        trials = tuning[part]["trials"]
+        sides = [tuning[part][side] for side in ("default", "tuned")]
+        rows.append([f"{SUCCESS}, {words} ({trials} trials)", *(_rate(side) for side in sides)])
         rows.append([f"{tuning['quantile_name']}, {words}", *(_number(side["quantile"]) for side in sides)])
         if part == "held_out":
             rows.append(["what became of the others, held out", *(_failures(side["modes"]) for side in sides)])
@@ -163,8 +163,8 @@ def _quantiles(values: Mapping[str, float] | None, factor: float, digits: int) -
 
 
 def _failures(modes: Mapping[str, int]) -> str:
-    found = sorted((mode for mode in modes if mode != SUCCESS), key=lambda mode: -modes[mode])
-    return ", ".join(f"{modes[mode]} {mode}" for mode in found) or "–"
+    failures = sorted((mode for mode in modes if mode != SUCCESS), key=lambda mode: -modes[mode])
+    return ", ".join(f"{modes[mode]} {mode}" for mode in failures) or "–"
 
 
 def _rate(side: Mapping[str, Any]) -> str:

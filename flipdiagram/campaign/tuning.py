@@ -46,8 +46,8 @@ class Goal:
         """Over all trials, a failed one beyond every other; None where it falls on failed ones."""
         pairs = zip(won, errors, strict=True)
         counted = [e if ok and e is not None and math.isfinite(e) else FAILED for ok, e in pairs]
-        found = float(np.quantile(counted, self.quantile, method="higher"))
-        return None if found == FAILED else found
+        quantile = float(np.quantile(counted, self.quantile, method="higher"))
+        return None if quantile == FAILED else quantile
 
     def score(self, won: Sequence[bool], errors: Sequence[float | None]) -> float:
         """Higher is better."""

@@ -79,9 +79,9 @@ def _tune(arguments: argparse.Namespace, scenario: Scenario) -> None:
     from flipdiagram.campaign.tuning import load_tuning
 
     with status(arguments.quiet) as progress:
-        specification, wanted = load_tuning(arguments.file, changes_of(scenario))
-        found = tune(specification, wanted, out, jobs=arguments.jobs, scheduler=arguments.scheduler, progress=progress)
-        summary = write_tuning(found, specification.base, out)
+        specification, tuning = load_tuning(arguments.file, changes_of(scenario))
+        result = tune(specification, tuning, out, jobs=arguments.jobs, scheduler=arguments.scheduler, progress=progress)
+        summary = write_tuning(result, specification.base, out)
     if not arguments.quiet:
         _show(tuning_grid(summary))
         print(f"written to {out}")

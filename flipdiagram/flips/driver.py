@@ -62,8 +62,6 @@ class _Driver:
         """Flights by the motion that is being planned for them."""
         self._attempts: dict[str, int] = {}
         """Of planning a motion."""
-        self._recent: dict[str, str] = {}
-        """The last plans used, so that a shared one is not read again for every flip."""
         self._given_up: dict[str, str] = {}
         """Motions whose planning timed out or crashed, with the reason."""
         self._under_way: dict[Future[Any], Callable[[Future[Any]], None]] = {}
@@ -110,7 +108,7 @@ class _Driver:
                 self._waiting[key].append(flight)
             elif key in self._given_up:
                 self._fail(flight, self._given_up[key])
-            elif (planned := self._known(key)) is None:
+            elif (planned := self._store.plan(key)) is None:
                 self._waiting[key] = [flight]
                 self._plan(key, flight)
                 return True
@@ -118,16 +116,6 @@ class _Driver:
                 self._planned([flight], planned)
         self._fly(*self._ready.popleft())
         return True
-
-    def _known(self, key: str) -> Planned | None:
-        if key in self._recent:
-            return self._recent[key], None
-        planned = self._store.plan(key)
-        if planned is not None and planned[0] is not None:
-            if len(self._recent) > 16:
-                self._recent.clear()
-            self._recent[key] = planned[0]
-        return planned
 
     def _planned(self, flights: list[Flight], planned: Planned) -> None:
         plan, error = planned

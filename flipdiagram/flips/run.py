@@ -35,13 +35,12 @@ def run_flips(
         missing = {flip.key: flip for flip in flips if not is_done(flip, store, out)}
         if missing:
             progress(f"{len(flips)} flips, {len(missing)} of them to be run")
-            clock = Clock(len(missing))
             for key, flip in missing.items():
                 store.forget(key, flip.architecture)
             with Workers(jobs) as workers:
                 flights = [_flight(key, flip, out) for key, flip in missing.items()]
                 timeout = max(map(_timeout, missing.values()))
-                fly_all(flights, Flying(workers, store, WORK, timeout, lambda: progress(f"flips {clock.tick()}")))
+                fly_all(flights, Flying(workers, store, WORK, timeout, Clock(len(missing), progress).tick))
         outcomes = [_outcome(flip, store) for flip in flips]
     for outcome in outcomes:
         if outcome.mode in LOST:
@@ -78,13 +77,15 @@ def _outcome(flip: Flip, store: Store) -> Outcome:
 
 
 class Clock:
-    """Counts what is done and estimates the time left."""
+    """Counts flips that have ended and tells how long the others take."""
 
-    def __init__(self, total: int) -> None:
-        self.total, self.done, self.begin = total, 0, time.monotonic()
+    def __init__(self, total: int, progress: Progress = lambda text: None) -> None:
+        self.total, self.done, self.begin, self._progress = total, 0, time.monotonic(), progress
 
     def tick(self) -> str:
-        """One more is done: '12/96, 3:04 left'."""
+        """One more is done: 'flips 12/96, 3:04 left'."""
         self.done += 1
-        left = (time.monotonic() - self.begin) / self.done * (self.total - self.done)
-        return f"{self.done}/{self.total}, {int(left) // 60}:{int(left) % 60:02d} left"
+        left = int((time.monotonic() - self.begin) / self.done * (self.total - self.done))
+        text = f"flips {self.done}/{self.total}, {left // 60}:{left % 60:02d} left"
+        self._progress(text)
+        return text

@@ -126,7 +126,8 @@ class Store:
     def put(self, rows: Sequence[Row]) -> None:
         """Keep rows, on the disk when this returns."""
         places = ", ".join("?" * len(COLUMNS))
-        with errors(self.path), transaction(self._database):
+        with errors(self.path), self._database:  # all or nothing, and on the disk when it ends
+            self._database.execute("BEGIN IMMEDIATE")
             for row in rows:
                 data = {name: getattr(row, name) for name in COLUMNS}
                 data |= {name: None if data[name] is None else to_json(data[name]) for name in _JSON}
@@ -150,27 +151,18 @@ def _row(values: tuple[Any, ...]) -> Row:
 
 
 @contextmanager
-def transaction(database: sqlite3.Connection) -> Iterator[None]:
-    """All of it or nothing, on the disk when it ends."""
-    database.execute("BEGIN IMMEDIATE")
-    try:
-        yield
-    except BaseException:
-        if database.in_transaction:
-            database.execute("ROLLBACK")
-        raise
-    database.execute("COMMIT")
-
-
-@contextmanager
 def errors(path: Path) -> Iterator[None]:
     """What SQLite and the file system say, as an InputError that names the file."""
     try:
         yield
     except (sqlite3.Error, OSError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        message = f"'{path}' cannot be used: {reason}; valid is a writable file of this program, or none"
-        raise InputError(message) from None
+        raise refusal(path, f"cannot be used: {reason}", "a writable file of this program, or none") from None
+
+
+def refusal(path: Path, problem: str, valid: str) -> InputError:
+    """The error of a file."""
+    return InputError(f"'{path}' {problem}; valid is {valid}", field="file", value=str(path), valid=valid)
 
 
 def to_json(data: Any) -> str:

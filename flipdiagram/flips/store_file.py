@@ -14,8 +14,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
-from flipdiagram.errors import InputError
-from flipdiagram.flips.store import SCHEMA, Store, errors, transaction
+from flipdiagram.flips.store import SCHEMA, Store, errors, refusal
 
 VERSION = 2
 APPLICATION = 0x666C6970  # "flip", in the header of the file
@@ -48,7 +47,7 @@ def open_to_write(path: Path, meta: Mapping[str, str], resume: bool = True) -> I
             stack.callback(_make_one_file, database)
             database.execute("PRAGMA synchronous = FULL")
             if empty:
-                with transaction(database):
+                with database:
                     _create(database, meta)
         yield store
 
@@ -58,7 +57,7 @@ def open_to_read(path: str | Path) -> Iterator[Store]:
     """The file of a campaign, also while it runs."""
     path = Path(path)
     if not path.is_file():
-        raise InputError(f"'{path}' is no file; valid is the campaign.sqlite of a campaign")
+        raise refusal(path, "is no file", "the campaign.sqlite of a campaign")
     with errors(path), ExitStack() as stack:
         _check_header(path)
         database = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", timeout=PATIENCE, uri=True)
@@ -66,7 +65,7 @@ def open_to_read(path: str | Path) -> Iterator[Store]:
         _check_version(path, database)
         store = Store(path, database)
         if "specification" not in store.meta():
-            raise InputError(f"'{path}' holds flips, but not of a campaign; valid is a campaign.sqlite")
+            raise refusal(path, "holds flips, but not of a campaign", "a campaign.sqlite")
         yield store
 
 
@@ -90,6 +89,7 @@ def _make_one_file(database: sqlite3.Connection) -> None:
 
 
 def _create(database: sqlite3.Connection, meta: Mapping[str, str]) -> None:
+    database.execute("BEGIN IMMEDIATE")
     for statement in SCHEMA.split(";"):
         database.execute(statement)
     database.executemany("INSERT INTO meta VALUES (?, ?)", meta.items())
@@ -99,10 +99,10 @@ def _create(database: sqlite3.Connection, meta: Mapping[str, str]) -> None:
 
 def _check_same(store: Store, meta: Mapping[str, str], resume: bool) -> None:
     if store.meta().get("digest") != meta["digest"]:
-        raise InputError(f"'{store.path}' holds another campaign; valid is the same specification, or another --out")
+        raise refusal(store.path, "holds another campaign", "the same specification, or another --out")
     if not resume:
-        already = f"'{store.path}' holds {len(store.done())} of {meta['rows']} flips of this campaign"
-        raise InputError(f"{already}; valid is --resume to go on, or another --out")
+        problem = f"holds {len(store.done())} of {meta['rows']} flips of this campaign"
+        raise refusal(store.path, problem, "--resume to go on, or another --out")
 
 
 def _check_header(path: Path) -> None:
@@ -117,14 +117,12 @@ def _check_version(path: Path, database: sqlite3.Connection) -> None:
     (version,) = database.execute("PRAGMA user_version").fetchone()
     (flips,) = database.execute("SELECT count(*) FROM sqlite_master WHERE name = 'flips'").fetchone()
     if application == 0 and version == 1 and flips:
-        raise InputError(
-            f"'{path}' is of version 1, written by a flipdiagram in which studies and campaigns kept their flips"
-            f" differently; valid is version {VERSION}: remove it or choose another --out, its flips are flown again"
-        )
+        problem = "is of version 1, written by a flipdiagram in which studies kept their flips in another way"
+        raise refusal(path, problem, f"version {VERSION}: remove it, or another --out, as its flips are flown again")
     if application != APPLICATION:
-        raise InputError(f"'{path}' is a database, but not of a campaign or study; valid is a file of this program")
+        raise refusal(path, "is a database, but not of a campaign or study", "a file of this program")
     if version > VERSION:
-        raise InputError(f"'{path}' is of version {version}, newer than this program; valid is at most {VERSION}")
+        raise refusal(path, f"is of version {version}, newer than this program", f"at most {VERSION}")
 
 
 def _check_whole(database: sqlite3.Connection) -> None:
@@ -147,9 +145,7 @@ def _sole_writer(path: Path) -> Iterator[None]:
         except BlockingIOError:
             lock.seek(0)
             holder = lock.read().strip() or "another process"
-            raise InputError(
-                f"'{path}' is written by {holder} now; valid is to wait for it, or another --out"
-            ) from None
+            raise refusal(path, f"is written by {holder} now", "to wait for it, or another --out") from None
         lock.seek(0)
         lock.truncate()
         lock.write(f"process {os.getpid()} on {platform.node()}")

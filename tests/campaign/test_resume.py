@@ -35,6 +35,6 @@ def test_trials_that_are_drawn_differently_now_are_refused(tmp_path):
     with sqlite3.connect(file) as database:
         database.execute("UPDATE trials SET scenario_hash = 'other' WHERE trial = 1")
     database.close()
-    with pytest.raises(InputError, match="trial 1 is drawn differently"):
+    with pytest.raises(InputError, match="trial 1 that is drawn differently"):
         run(few, tmp_path, jobs=1, resume=True, work=WORK)
     assert len(contents(file)) == len(before)

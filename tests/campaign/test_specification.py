@@ -41,7 +41,11 @@ trials: 8
         (("object.mass:", "object.friction, object.mass:"), 5, ["object.friction stands twice"]),
         (("object.mass: {choice: [0.05, 0.06]}", "sensors.delay: {uniform: [0.5, 3]}"), 5, ["whole number"]),
         (("object.mass: {choice: [0.05, 0.06]}", "arm.file: {scale: {uniform: [1, 2]}}"), 5, ["cannot be scaled"]),
-        (("object.mass: {choice: [0.05, 0.06]}", "object.friction: {uniform: [1, 2]}"), 5, ["stands twice", "lines 4 and 5"]),
+        (
+            ("object.mass: {choice: [0.05, 0.06]}", "object.friction: {uniform: [1, 2]}"),
+            5,
+            ["stands twice", "lines 4 and 5"],
+        ),
         (("lhs", "mcmc"), 6, ["sampler = 'mcmc'", "sobol"]),
         (("sampler: lhs", "sampler: grid"), 4, ["the grid needs values"]),
         (("sampler: lhs\ntrials: 8", "sampler: saltelli\ntrials: 10"), 7, ["trials = 10", "power of two"]),

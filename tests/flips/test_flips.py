@@ -172,10 +172,10 @@ def test_the_sources_are_there():
 def test_the_clock_counts_and_estimates():
     clock = Clock(4)
     clock.begin -= 30.0
-    assert clock.tick().startswith("1/4, 1:3")  # 30 s for the first, three are left
+    assert clock.tick().startswith("flips 1/4, 1:3")  # 30 s for the first, three are left
     clock.tick()
     clock.tick()
-    assert clock.tick() == "4/4, 0:00 left"
+    assert clock.tick() == "flips 4/4, 0:00 left"
 
 
 @pytest.fixture(scope="module")
