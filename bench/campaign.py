@@ -168,14 +168,14 @@ def _parts() -> dict[str, float]:
     from flipdiagram.planning import plan_motion
     from flipdiagram.scenario.scenario import Scenario
     from flipdiagram.simulation import metrics
-    from flipdiagram.simulation.simulate import simulate
+    from flipdiagram.simulation.simulate import simulate_loop
 
     scenario = Scenario()
     motion = plan_motion(scenario)
     a = time.perf_counter()
     loop = build_loop(scenario, "pd+ff+dob", record=True)
     b = time.perf_counter()
-    flown = simulate(scenario, "pd+ff+dob", motion, loop=loop)
+    flown = simulate_loop(loop, motion)
     c = time.perf_counter()
     metrics.measure(flown.recording)
     return {"build": b - a, "simulate": c - b, "measure": time.perf_counter() - c}

@@ -2,14 +2,28 @@
 
 import os
 import shutil
+import tempfile
 
 import pytest
+import shared
 from hypothesis import settings
 
 settings.register_profile("deterministic", derandomize=True, deadline=None)
 settings.load_profile("deterministic")
 
 ALTERNATIVES = {"chromium": ("chromium", "chromium-browser", "google-chrome")}
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Make the folder in which the workers of this run share what they compute."""
+    if not hasattr(config, "workerinput"):
+        os.environ[shared.FOLDER] = tempfile.mkdtemp(prefix="flipdiagram-tests-")
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Remove it."""
+    if not hasattr(config, "workerinput"):
+        shutil.rmtree(os.environ.pop(shared.FOLDER), ignore_errors=True)
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

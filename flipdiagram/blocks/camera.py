@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.tree import Frame, RigidBody
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from flipdiagram.blocks._parameters import sampling
+from flipdiagram.blocks._checks import sampling
 from flipdiagram.errors import InputError
 
 

@@ -25,7 +25,8 @@ class ModelPredictiveController(LeafSystem):
     time and state, so nothing feeds through.  stand: hold `hold` until then even with a plan, where the tool stands
     elsewhere than the plan begins.
 
-    Raises PlanningError from the initialisation where there is no motion.
+    Raises PlanningError from the initialisation where there is no motion.  Not scalar-convertible: it calls a
+    planner of floats.
     """
 
     def __init__(self, planner: Callable[[], Plan], hold: Floats, start_time: float = 0.0, stand: bool = False) -> None:

@@ -85,7 +85,8 @@ class RecedingHorizonController(LeafSystem):
     [m], where the object sits on the blade along s.  `planner` plans once when the run starts, as in
     `ModelPredictiveController`; from `start_time` on, every `timing.period`, `again` plans the rest of the motion from
     the measured tool (or, measured=False, from the command) as it will be when the new plan takes effect.  When that
-    fails or is late the last plan goes on.  The whole behaviour is in the Context's state.
+    fails or is late the last plan goes on.  The whole behaviour is in the Context's state.  Not scalar-convertible: it
+    calls a planner of floats.
     """
 
     def __init__(

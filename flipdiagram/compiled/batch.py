@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,6 +32,21 @@ class Run:
     log_ticks: Indices
     final: Floats
     ticks: Indices
+
+
+@dataclass(frozen=True)
+class Channels:
+    """What n channels begin with and are driven by; of each array the first axis is the channel.
+
+    ticks (n,): updates; start (n,): the first tick; state (n, states); parameters (n, m);
+    inputs (n, rows, m): one row a tick, the last held.
+    """
+
+    ticks: Indices
+    start: Indices
+    state: Floats
+    parameters: Floats
+    inputs: Floats
 
 
 class BatchDiagram(ABC):
@@ -109,81 +124,80 @@ class BatchDiagram(ABC):
         log: Sequence[str] = (),
         every: int = 1,
         threads: int | None = None,
-        progress: Callable[[float], None] | None = None,
     ) -> Run:
-        """Advance all channels by ``ticks`` updates; how many channels there are follows from the shapes given.
+        """Advance all channels; how many there are follows from the shapes given.
 
         A value is a number or (size,) for all channels, or (channels, size), short (channels,) where size is 1.
-        ``ticks``, ``start``: integers >= 0, one or (channels,); update k, at the time ``time(k)``, makes x[k+1] of
-        x[k]. ``parameters``, ``state`` (or the whole state, (states,) or (channels, states)): those not given have
-        their defaults. ``inputs``: also (channels or 1, rows, size), one row a tick, the last row held.
-        ``log``: outputs and states to record before the updates of ticks start, start + every, and so on.
-        ``threads``: all processors unless given; results do not depend on it. ``progress`` is told the part done.
+        Update k, at the time ``time(k)``, makes x[k+1] of x[k].
+
+        Args:
+            ticks: updates, an integer >= 0, one or (channels,).
+            parameters: by name; those not given have their defaults.
+            state: by name, likewise, or the whole state, (states,) or (channels, states).
+            inputs: by name; also (channels or 1, rows, size), one row a tick, the last row held.
+            start: the first tick, an integer >= 0, one or (channels,).
+            log: outputs and states to record before the updates of ticks start, start + every, and so on.
+            every: ticks from one record to the next.
+            threads: all processors unless given; results do not depend on it.
+
         Raises InputError, naming what was given and what is valid.
         """
-        for name in inputs or {}:
-            self.layout.inputs.find(name)
-        series = self._series(inputs or {})
-        values = self.layout.parameters.spread(parameters or {}, self._default_parameters)
-        states = self._states(state)
-        length, first = _integers("ticks", ticks), _integers("start", start)
-        given = {
-            "parameters": values.shape[0],
-            "state": states.shape[0],
-            "ticks": length.size,
-            "start": first.size,
-            "inputs": series.shape[0],
-        }
-        count = common_count(given)
+        given = self._channels(ticks, parameters, state, inputs, start)
         if not (isinstance(every, int | np.integer) and every >= 1):
-            raise InputError(f"every = {every!r}; it must be an integer >= 1")
+            raise InputError.of("every", every, "an integer >= 1")
         if threads is not None and threads < 1:
-            raise InputError(f"threads = {threads}; it must be >= 1")
-        length, first = (np.ascontiguousarray(np.broadcast_to(a, (count,))) for a in (length, first))
-        final = np.array(np.broadcast_to(states, (count, states.shape[1])), order="C")
-        values = np.broadcast_to(values, (count, values.shape[1]))
-        series = np.broadcast_to(series, (count, *series.shape[1:]))
-
-        chosen, column = self._columns(log)
-        rows = int(length.max()) // every + 1 if log else 0
-        record = np.full((count, rows, column.size), np.nan)
-        self._advance(length, first, final, values, series, int(every), column, record, threads, progress)
-        reached = first + length
-        # the outputs then: a run of no ticks, which records its start
-        size = self.layout.outputs.size
-        last = np.full((count, 1, size), np.nan)
-        if size:
-            rest = np.minimum(length, series.shape[1] - 1)
-            tail = series[:, -1:] if series.shape[1] == 1 else series[np.arange(count), rest][:, None]
-            none = np.zeros(count, dtype=np.int64)
-            self._advance(none, reached, final.copy(), values, tail, 1, np.arange(size), last, 1, None)
+            raise InputError.of("threads", threads, "an integer >= 1")
+        named, columns = self._columns(log)
+        rows = int(given.ticks.max()) // every + 1 if log else 0
+        final, record = self._advance(given, columns, rows, int(every), threads)
         return Run(
             self.layout.states.split(final),
-            self.layout.outputs.split(last[:, 0]),
-            {name: record[:, :, places] for name, places in chosen.items()},
+            self.layout.outputs.split(self._outputs_after(given, final)),
+            {name: record[:, :, places] for name, places in named.items()},
             np.arange(rows) * every,
             final,
-            reached,
+            given.start + given.ticks,
         )
 
     @abstractmethod
     def _advance(
-        self,
-        ticks: Indices,
-        start: Indices,
-        state: Floats,
-        parameters: Floats,
-        series: Floats,
-        every: int,
-        column: Indices,
-        log: Floats,
-        threads: int | None,
-        progress: Callable[[float], None] | None,
-    ) -> None:
-        """Advance ``state`` in place and fill ``log`` with the outputs and states, in one row, that ``column`` names.
+        self, given: Channels, columns: Indices, rows: int, every: int, threads: int | None
+    ) -> tuple[Floats, Floats]:
+        """The states after the last update, (n, states), and the log, (n, ``rows``, width), nan where none is due.
 
-        The other arguments are those of the kernel (``print_source``).
+        ``columns`` (width,) names what is recorded, of outputs and states in one row.
         """
+
+    def _channels(
+        self,
+        ticks: ArrayLike,
+        parameters: Mapping[str, ArrayLike] | None,
+        state: Mapping[str, ArrayLike] | ArrayLike | None,
+        inputs: Mapping[str, ArrayLike] | None,
+        start: ArrayLike,
+    ) -> Channels:
+        """The arguments of ``run``, checked and spread over all channels."""
+        series = self._series(inputs or {})
+        values = self.layout.parameters.spread(parameters or {}, self._default_parameters)
+        given = {
+            "ticks": _integers("ticks", ticks),
+            "start": _integers("start", start),
+            "state": self._states(state),
+            "parameters": values,
+            "inputs": series,
+        }
+        n = common_count({name: len(array) for name, array in given.items()})
+        return Channels(*(np.broadcast_to(array, (n, *array.shape[1:])) for array in given.values()))
+
+    def _outputs_after(self, given: Channels, final: Floats) -> Floats:
+        """All outputs (n, outputs) after the last update: those that a run of no ticks records."""
+        rows = given.inputs.shape[1]
+        held = (
+            given.inputs[np.arange(len(final)), np.minimum(given.ticks, rows - 1)] if rows > 1 else given.inputs[:, 0]
+        )
+        still = Channels(np.zeros_like(given.ticks), given.start + given.ticks, final, given.parameters, held[:, None])
+        size = self.layout.outputs.size
+        return self._advance(still, np.arange(size), min(size, 1), 1, 1)[1].reshape(len(final), size)
 
     def _states(self, state: Mapping[str, ArrayLike] | ArrayLike | None) -> Floats:
         if state is None or isinstance(state, Mapping):

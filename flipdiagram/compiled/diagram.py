@@ -2,42 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, overload
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from flipdiagram.arrays import Floats, Indices
-from flipdiagram.compiled.batch import BatchDiagram
+from flipdiagram.compiled.batch import BatchDiagram, Channels
 from flipdiagram.compiled.check import check as check_against_drake
-from flipdiagram.compiled.emit import print_source
 from flipdiagram.compiled.errors import NotCompilable
 from flipdiagram.compiled.fallback import SimulatedDiagram
 from flipdiagram.compiled.kernel import load_kernel
 from flipdiagram.compiled.layout import Layout, lay_out
 from flipdiagram.compiled.linear import Linearization, linearize
+from flipdiagram.compiled.printer import kernel_source
 from flipdiagram.compiled.read import Program, read_program
 from flipdiagram.compiled.structure import flatten
 from flipdiagram.compiled.threads import advance
-from flipdiagram.compiled.vector import vector_source
-from flipdiagram.compiled.vector_text import LANES
 from flipdiagram.errors import InputError
 
 
 class CompiledDiagram(BatchDiagram):
     """A diagram as machine code; made by ``compile_diagram``.
 
-    ``source`` is the text it was compiled from, Python or, if ``vectorized``, LLVM's; ``from_cache`` whether that had
-    been done before.
+    ``source`` is the text it was compiled from, in LLVM's language; ``from_cache`` whether that had been done before.
     """
 
-    def __init__(self, layout: Layout, program: Program, cache: bool = True, vectorize: bool = False) -> None:
+    def __init__(self, layout: Layout, program: Program, exact: bool, cache: bool) -> None:
         super().__init__(layout, program.period, program.offset, program.inputs_used())
-        self.program = program
-        self.vectorized = vectorize
-        self.source = vector_source(program) if vectorize else print_source(program)
-        self._kernel, self.from_cache = load_kernel(self.source, cache, vectorize)
+        self.program, self.exact = program, exact
+        self.source = kernel_source(program, exact)
+        self._kernel, self.from_cache = load_kernel(self.source, cache)
 
     def linearize(
         self,
@@ -54,30 +49,9 @@ class CompiledDiagram(BatchDiagram):
         return linearize(self.program, self.layout, *point, int(tick))
 
     def _advance(
-        self,
-        ticks: Indices,
-        start: Indices,
-        state: Floats,
-        parameters: Floats,
-        series: Floats,
-        every: int,
-        column: Indices,
-        log: Floats,
-        threads: int | None,
-        progress: Callable[[float], None] | None,
-    ) -> None:
-        signals = self.layout.outputs.size + self.layout.states.size
-        rest = (every, signals, column, log, threads, progress)
-        if not self.vectorized:
-            advance(self._kernel, ticks, start, state, parameters, series, *rest)
-        elif log.shape[1] or (np.diff(ticks) >= 0).all():
-            advance(self._kernel, ticks, start, state, parameters, series, *rest, lanes=LANES)
-        else:  # channels of a vector wait for the longest of them: neighbours of like length wait least
-            order = np.argsort(ticks, kind="stable")
-            sorted_state = state[order]
-            values, rows = (a if a.strides[0] == 0 else a[order] for a in (parameters, series))
-            advance(self._kernel, ticks[order], start[order], sorted_state, values, rows, *rest, lanes=LANES)
-            state[order] = sorted_state
+        self, given: Channels, columns: Indices, rows: int, every: int, threads: int | None
+    ) -> tuple[Floats, Floats]:
+        return advance(self._kernel, given, columns, rows, every, threads)
 
 
 @overload
@@ -88,7 +62,7 @@ def compile_diagram(
     fallback: Literal[False] = False,
     check: int = 200,
     cache: bool = True,
-    vectorize: bool = False,
+    exact: bool = False,
 ) -> CompiledDiagram: ...
 
 
@@ -101,7 +75,7 @@ def compile_diagram(
     period: float | None = None,
     check: int = 200,
     cache: bool = True,
-    vectorize: bool = False,
+    exact: bool = False,
 ) -> CompiledDiagram | SimulatedDiagram: ...
 
 
@@ -113,7 +87,7 @@ def compile_diagram(
     period: float | None = None,
     check: int = 200,
     cache: bool = True,
-    vectorize: bool = False,
+    exact: bool = False,
 ) -> CompiledDiagram | SimulatedDiagram:
     """Compile any Drake Diagram whose blocks convert to symbolic and share one period.
 
@@ -156,7 +130,7 @@ def compile_diagram(
         raise InputError(f"check = {check}; it must be >= 0")
     layout = lay_out(flatten(diagram), tie)
     try:
-        compiled = CompiledDiagram(layout, read_program(layout), cache, vectorize)
+        compiled = CompiledDiagram(layout, read_program(layout), exact, cache)
         if check:
             check_against_drake(compiled, check)
         return compiled

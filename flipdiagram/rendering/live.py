@@ -13,7 +13,7 @@ from flipdiagram.errors import SimulationError
 from flipdiagram.planning import plan_motion
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.metrics import judge
-from flipdiagram.simulation.simulate import simulate
+from flipdiagram.simulation.simulate import simulate_loop
 
 SPEED = 0.5
 """Simulated seconds per second of wall time; the simulation itself runs at about twice real time."""
@@ -46,7 +46,7 @@ def show_live(
     for name in architectures:
         loop = build_loop(scenario, name, record=True, meshcat=meshcat)
         pace = _Pace(scenario.simulation.hold_time - HOLD_SHOWN)
-        flip = simulate(scenario, name, plan, loop=loop, pace=pace)
+        flip = simulate_loop(loop, plan, pace=pace)
         success, failure = judge(flip.recording)
         announce(f"{name}: {'turned over' if success else failure}")
     announce("all done; Ctrl-C ends the server")

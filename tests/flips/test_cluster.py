@@ -9,6 +9,7 @@ import time
 import pytest
 from campaign.made_up import QUIET, SLOW, WORK, contents
 from campaign.test_campaign_flips import TEXT
+from patience import HUNG
 
 from flipdiagram.campaign.checks import from_text
 from flipdiagram.campaign.run import run
@@ -25,7 +26,7 @@ class Cluster:
         self.file = folder / "scheduler.json"
         self.processes = []
         self.start("scheduler", "--port", "0", "--scheduler-file", str(self.file))
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + HUNG
         while not self.file.exists() and time.monotonic() < deadline:
             time.sleep(0.05)
         time.sleep(0.2)

@@ -14,6 +14,8 @@ from typing import get_args
 import grimp
 import numpy as np
 import pytest
+from patience import HUNG
+from shared import default_plan
 
 import flipdiagram
 from flipdiagram.errors import InputError, SimulationError
@@ -129,7 +131,7 @@ def test_a_plan_depends_on_the_sections_of_the_plan_alone():
     other = Scenario().with_overrides(changes)
     for section in ("joint_friction", "disturbance", "controller", "sensors", "simulation"):
         assert getattr(other, section) != getattr(Scenario(), section)
-    one, two = plan_motion(Scenario()), plan_motion(other)
+    one, two = default_plan(), plan_motion(other)
     for name, value in vars(one).items():
         if name not in ("solve_time", "program_times"):  # how long it took
             np.testing.assert_array_equal(value, getattr(two, name), err_msg=name)
@@ -342,17 +344,17 @@ def test_a_killed_command_goes_on_where_it_was(tmp_path):
         stdout=subprocess.DEVNULL,
         start_new_session=True,
     )
-    until = time.monotonic() + 60
+    until = time.monotonic() + HUNG
     while len(before := finished(killed)) < 1:
         assert process.poll() is None and time.monotonic() < until
         time.sleep(0.02)
     os.killpg(process.pid, signal.SIGKILL)
-    process.wait(30)
+    process.wait(HUNG)
     before = finished(killed)
     assert len(before) == 1
     assert not (killed / "summary.json").exists()
 
-    done = subprocess.run([*COMMAND, "--out", str(killed)], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([*COMMAND, "--out", str(killed)], capture_output=True, text=True, timeout=HUNG)
     assert done.returncode == 0, done.stderr
     assert "2 flips, 1 of them to be run" in done.stderr
     after = finished(killed)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from campaign.made_up import contents, finished
+from patience import HUNG
 
 from flipdiagram.campaign.checks import from_text
 from flipdiagram.campaign.run import run
@@ -43,7 +44,7 @@ def undisturbed(tmp_path_factory):
 def test_ten_drivers_and_ten_workers_killed_at_random_moments_change_no_row(tmp_path, undisturbed):
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     command = [sys.executable, "-c", PROGRAM, str(tmp_path)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=HUNG)
     assert done.returncode == 0, done.stderr
     drivers, workers = map(int, done.stdout.split())
     assert drivers == workers == KILLS

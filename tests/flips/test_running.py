@@ -26,6 +26,7 @@ from campaign.made_up import (
     contents,
     finished,
 )
+from patience import HUNG
 
 from flipdiagram.campaign.checks import from_text
 from flipdiagram.campaign.run import run
@@ -120,7 +121,7 @@ def test_workers_killed_at_ten_random_moments_cost_nothing(tmp_path, undisturbed
 
 def test_a_driver_killed_ten_times_at_random_moments_loses_nothing_and_repeats_nothing(tmp_path, undisturbed):
     command = [sys.executable, "-c", KILLER, QUIET, str(tmp_path), "10", "60"]
-    done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=300)
+    done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=HUNG)
     assert done.returncode == 0, done.stderr
     kills, there = map(int, done.stdout.split())
     assert kills == 10 and 10 <= there < 60
@@ -140,14 +141,14 @@ def test_children_end_with_a_driver_that_is_killed(tmp_path):
     command = [sys.executable, "-c", DRIVER, hanging, str(tmp_path), "2"]
     process = subprocess.Popen(command, env=environment())
     found: list[int] = []
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + HUNG
     while len(found) < 2 and time.monotonic() < deadline:
         time.sleep(0.05)
         found = _children_of(process.pid)
     time.sleep(1.0)  # they hang now, or are about to
     process.kill()
     process.wait()
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 120
     while any(map(_alive, found)) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert len(found) == 2 and not any(map(_alive, found))

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from campaign.made_up import QUIET
+from patience import HUNG
 
 from flipdiagram.campaign.checks import from_text
 from flipdiagram.errors import InputError
@@ -224,7 +225,7 @@ def test_every_row_is_on_the_disk_before_the_next_is_begun(tmp_path):
         "    os.kill(os.getpid(), signal.SIGKILL)\n"
     )
     path = tmp_path / "runs.sqlite"
-    done = subprocess.run([sys.executable, "-c", program, str(path)], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", program, str(path)], capture_output=True, text=True, timeout=HUNG)
     assert done.returncode == -9, done.stderr
     with open_to_write(path, META) as store:
         assert list(store.rows()) == [row(k) for k in range(20)]

@@ -60,7 +60,7 @@ def test_an_error_ends_the_workers_at_once():
     with pytest.raises(KeyboardInterrupt), Workers(2) as workers:
         for _ in workers.results(pid_after, [(0,), (600,)]):
             raise KeyboardInterrupt
-    assert time.monotonic() - begin < 60 and children() == []
+    assert time.monotonic() - begin < 300 and children() == []
 
 
 def alive(pid):
@@ -79,7 +79,7 @@ def test_workers_of_a_killed_parent_do_not_stay():
     parent.send_signal(signal.SIGKILL)
     parent.wait()
     parent.stdout.close()
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 120
     while alive(worker) and time.monotonic() < deadline:
         time.sleep(0.1)
     assert not alive(worker)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from robots import package_file
+from shared import default_plan
 
 from flipdiagram.blocks.inverse_jacobian import joint_acceleration
 from flipdiagram.diagrams.loop import build_loop
@@ -234,7 +235,7 @@ def test_our_tool_and_block_as_files_give_the_same_run(tmp_path):
     text = spatula_urdf(blade_size=blade, tool_length=tool.reach, mass=tool.mass, friction=thing.friction)
     (tmp_path / "spatula.urdf").write_text(text)
     (tmp_path / "mine.yaml").write_text("tool: {file: spatula.urdf}\nobject: {file: block.sdf}\n")
-    plan = plan_motion(default)
+    plan = default_plan()
     ours = simulate(default.with_overrides(short), "pd", plan).recording
     own = simulate(load(tmp_path / "mine.yaml").with_overrides(short), "pd", plan).recording
     for name in ("x", "tau", "block_pose"):

@@ -1,8 +1,6 @@
-"""compile_diagram(vectorize=True): beside the exact kernel, for any number, length and order of channels."""
+"""Sines of our own beside the C library's (exact=True), for any number, length and order of channels."""
 
 import platform
-import subprocess
-import sys
 
 import llvmlite.binding as llvm
 import numpy as np
@@ -10,7 +8,7 @@ import pydrake.symbolic as ds
 import pytest
 from pydrake.symbolic import Expression, Variable, if_then_else, logical_and, logical_not, logical_or
 from pydrake.systems.framework import DiagramBuilder
-from sampled_diagrams import expressions_block, one_axis_loop, saturated_loop, single
+from sampled_diagrams import expressions_block, one_axis_loop, single
 
 from flipdiagram.blocks.commands import SinusoidalCommand
 from flipdiagram.compiled import compile_diagram, kernel
@@ -59,25 +57,25 @@ TO_ROUNDING = [ds.sin(X * 2.0 + Y), ds.cos(X) * ds.sin(X), ds.exp(-X * X), ds.ta
 
 
 def both(diagram, **options):
-    return compile_diagram(diagram, **options), compile_diagram(diagram, vectorize=True, **options)
+    return compile_diagram(diagram, exact=True, **options), compile_diagram(diagram, **options)
 
 
-def test_every_kind_of_expression_as_the_exact_kernel_has_it():
-    exact, vectors = both(single(expressions_block([*TO_THE_BIT, *TO_ROUNDING], [X, Y, Z], [Y, Z, X])))
+def test_every_kind_of_expression_equals_the_exact_one():
+    exact, own = both(single(expressions_block([*TO_THE_BIT, *TO_ROUNDING], [X, Y, Z], [Y, Z, X])))
     points = RNG.uniform(-2.5, 2.5, (301, 3))
     points[:50, 1] = points[:50, 0]
-    one, two = (c.run(1, state=points, log=["out0"]) for c in (exact, vectors))
+    one, two = (c.run(1, state=points, log=["out0"]) for c in (exact, own))
     expected, found = one.log["out0"][:, 0], two.log["out0"][:, 0]
     same = len(TO_THE_BIT)
     np.testing.assert_array_equal(found[:, :same], expected[:, :same])
     np.testing.assert_allclose(found[:, same:], expected[:, same:], rtol=0.0, atol=1e-15)
     assert (two.final == one.final).all()
-    assert vectors.vectorized and not exact.vectorized
+    assert exact.exact and not own.exact
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])
 def test_without_own_functions_all_is_equal_to_the_bit_whatever_lengths_logs_and_threads(threads):
-    exact, vectors = both(one_axis_loop())
+    exact, own = both(one_axis_loop())
     given = {
         "parameters": {"pd.0": RNG.uniform(400, 900, N), "plant.0": np.c_[RNG.uniform(1, 3, N), RNG.uniform(-9, 9, N)]},
         "inputs": {"x_cmd": RNG.uniform(-0.1, 0.1, (N, 60)), "v_cmd": 0.0, "a_cmd": RNG.uniform(-1, 1, (1, 9))},
@@ -86,7 +84,7 @@ def test_without_own_functions_all_is_equal_to_the_bit_whatever_lengths_logs_and
     }
     lengths = RNG.integers(0, 300, N)
     for ticks, more in ((lengths, {}), (lengths, {"log": ["x", "plant", "f"], "every": 7}), (250, {"log": ["f"]})):
-        one, two = (c.run(ticks, **given, **more) for c in (exact, vectors))
+        one, two = (c.run(ticks, **given, **more) for c in (exact, own))
         np.testing.assert_array_equal(two.final, one.final)
         for name in one.outputs:
             np.testing.assert_array_equal(two.outputs[name], one.outputs[name])
@@ -102,17 +100,17 @@ def turning():
 
 
 def test_a_channel_is_the_same_alone_in_company_again_and_in_pieces():
-    vectors = compile_diagram(turning(), vectorize=True)
-    (name,) = vectors.parameters
+    own = compile_diagram(turning())
+    (name,) = own.parameters
     omega, state = RNG.uniform(1, 300, N), RNG.uniform(-1, 1, (N, 3))
-    whole = vectors.run(500, parameters={name: omega}, state=state, threads=2)
-    again = vectors.run(500, parameters={name: omega[::-1]}, state=state[::-1], threads=1)
+    whole = own.run(500, parameters={name: omega}, state=state, threads=2)
+    again = own.run(500, parameters={name: omega[::-1]}, state=state[::-1], threads=1)
     assert (whole.final == again.final[::-1]).all()
-    first = vectors.run(np.arange(N) * 13, parameters={name: omega}, state=state)
-    second = vectors.run(500 - np.arange(N) * 13, parameters={name: omega}, state=first.final, start=first.ticks)
+    first = own.run(np.arange(N) * 13, parameters={name: omega}, state=state)
+    second = own.run(500 - np.arange(N) * 13, parameters={name: omega}, state=first.final, start=first.ticks)
     assert (second.final == whole.final).all()
     for c in (0, 7, 8, 36):
-        alone = vectors.run(500, parameters={name: omega[c]}, state=state[c])
+        alone = own.run(500, parameters={name: omega[c]}, state=state[c])
         assert (alone.final == whole.final[c]).all() and (alone.outputs["out0"] == whole.outputs["out0"][c]).all()
 
 
@@ -148,33 +146,10 @@ def test_the_meters_of_the_study_read_the_same():
         assert (abs(two.outputs[name] - expected) <= 1e-12 * abs(expected).max(axis=0)).all(), name
 
 
-FRESH = """
-import sys
-sys.path[:0] = {path!r}
-from sampled_diagrams import saturated_loop
-from flipdiagram.compiled import compile_diagram
-compiled = compile_diagram(saturated_loop(0.79), vectorize=True)
-print(compiled.from_cache, "numba" in sys.modules)
-"""
-
-
-def test_it_is_kept_beside_the_exact_kernel_and_never_needs_numba(tmp_path, monkeypatch):
-    monkeypatch.setenv("FLIPDIAGRAM_CACHE_DIR", str(tmp_path))
-    script = FRESH.format(path=[p for p in sys.path if p])
-    said = [
-        subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
-        for _ in range(2)
-    ]
-    assert said == [["False", "False"], ["True", "False"]]
-    assert not compile_diagram(saturated_loop(0.79)).from_cache and len(list(tmp_path.glob("*.o"))) == 2
-
-
 def test_one_dof_kernels_are_made_of_vector_instructions():
     if platform.machine() not in ("x86_64", "AMD64") or not llvm.get_host_cpu_features().get("fma"):
         pytest.skip("looks for the names of x86's vector instructions, FMA included")
-    target, module = kernel._target(), llvm.parse_assembly(compile_diagram(turning(), vectorize=True).source)
-    module.triple, module.data_layout = llvm.get_process_triple(), str(target.target_data)
-    code = target.emit_assembly(module)
+    code = kernel.target_machine().emit_assembly(kernel.parsed(compile_diagram(turning()).source))
     names = [line.split()[0] for line in code.splitlines() if line.startswith("\tv")]
     assert sum(name.startswith("vf") and name.endswith("pd") for name in names) > 60
     assert not any(name.startswith(("vfm", "vfn")) and name.endswith("sd") for name in names)

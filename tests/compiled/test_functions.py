@@ -1,4 +1,4 @@
-"""sin, cos, exp and tanh of the vectorised kernels against 80-bit arithmetic, and at the ends of what they cover."""
+"""sin, cos, exp and tanh of the compiled diagrams against 80-bit arithmetic, and at the ends of what they cover."""
 
 import numpy as np
 import pydrake.symbolic as ds
@@ -7,7 +7,7 @@ from pydrake.symbolic import Variable
 from sampled_diagrams import expressions_block, single
 
 from flipdiagram.compiled import compile_diagram
-from flipdiagram.compiled.vector_math import EXP_REACH, REACH
+from flipdiagram.compiled.functions import EXP_REACH, REACH
 
 FUNCTIONS = {"sin": 1.7, "cos": 1.7, "exp": 1.1, "tanh": 2.7}
 """Name -> units in the last place that it may be wrong by."""
@@ -32,7 +32,7 @@ def values():
     """What maps arguments (n,) to (n, 4), a column for each of the functions."""
     x = Variable("x")
     outputs = [getattr(ds, name)(x) for name in FUNCTIONS]
-    compiled = compile_diagram(single(expressions_block(outputs, [x], [0.5 * x])), vectorize=True)
+    compiled = compile_diagram(single(expressions_block(outputs, [x], [0.5 * x])))
     return lambda arguments: compiled.run(0, state=np.asarray(arguments)[:, None]).outputs["out0"]
 
 
@@ -53,15 +53,15 @@ def test_zeros_infinities_nan_and_arguments_beyond_the_reach():
     x = Variable("x")
     outputs = [getattr(ds, name)(x) for name in FUNCTIONS]
     odd = np.array([0.0, -0.0, np.inf, -np.inf, 1e300, -1e10, 2.0 * REACH, 720.0, -720.0, -744.0, 5e-324, -1e-310])
-    exact, vectors = (
-        compile_diagram(single(expressions_block(outputs, [x], [0.5 * x])), vectorize=how)
+    exact, own = (
+        compile_diagram(single(expressions_block(outputs, [x], [0.5 * x])), exact=how)
         .run(0, state=odd[:, None])
         .outputs["out0"]
-        for how in (False, True)
+        for how in (True, False)
     )
-    np.testing.assert_allclose(vectors, exact, rtol=5e-16, atol=0.0)
-    assert (np.signbit(vectors) == np.signbit(exact))[np.arange(len(odd)) != 1].all()  # sin(-0.0) is 0.0
-    assert np.isnan(vectors[2:4, :2]).all()
+    np.testing.assert_allclose(own, exact, rtol=5e-16, atol=0.0)
+    assert (np.signbit(own) == np.signbit(exact))[np.arange(len(odd)) != 1].all()  # sin(-0.0) is 0.0
+    assert np.isnan(own[2:4, :2]).all()
 
 
 def test_a_channel_does_not_see_what_its_neighbours_arguments_are(values):
