@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
+from flips.tasks import die, divide, pid_after, refuse
 
 from flipdiagram.errors import InputError, SimulationError
 from flipdiagram.flips.child_process import TrialError, children
@@ -16,30 +17,13 @@ from flipdiagram.flips.workers import Workers
 SCRIPT = """
 import sys
 sys.path = [sys.argv[1], *sys.path]
-from flips.test_workers import pid_after
+from flips.tasks import pid_after
 from flipdiagram.flips.workers import Workers
 
 with Workers(1) as workers:
     for _, pid in workers.results(pid_after, [(0,), (600,)]):
         print(pid, flush=True)
 """
-
-
-def pid_after(seconds):
-    time.sleep(seconds)
-    return os.getpid()
-
-
-def refuse(path):
-    raise InputError.of("file", path, "another")
-
-
-def divide(number):
-    return 1 / number
-
-
-def die():
-    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_what_a_task_raises_is_raised_here():
