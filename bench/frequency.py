@@ -171,9 +171,9 @@ def _meters_differ(run: Any, sums: Array) -> float:
 def scaling(repetitions: int) -> Section:
     """Cost of a channel-step by the number of channels."""
     metered = compile_loop(Numbers(), meters=True)
-    text = "Compiled diagram with meters, one thread, 32 million channel-steps each (4 million of one), in turn, from"
-    text += " t = 100 s on, since only short runs would have small angles. Judged from eight channels on, which advance"
-    text += " together: fewer cost as eight."
+    text = "Compiled diagram with meters, one thread, 32 million channel-steps each (4 million of one), in turn; all"
+    text += " from t = 100 s on, since only short runs would have small angles. Judged from eight channels on,"
+    text += " which advance together: fewer cost as eight."
     section = Section("Cost of a channel-step by the number of channels", text)
 
     def cost(n: int) -> float:

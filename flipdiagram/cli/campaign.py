@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from flipdiagram.cli.terminal import console, status
@@ -40,21 +42,21 @@ def campaign(arguments: argparse.Namespace, scenario: Scenario) -> None:
 def _fly(arguments: argparse.Namespace, scenario: Scenario) -> None:
     out = check_output_directory(arguments.out)
 
-    from flipdiagram.campaign import conduct
     from flipdiagram.campaign.checks import changes_of, load_specification
     from flipdiagram.campaign.report import write_analysis
+    from flipdiagram.campaign.run import run
     from flipdiagram.campaign.tables import pair_grid, success_grid
 
     with status(arguments.quiet) as progress:
         file = arguments.analyse
         if file is None:
-            file = conduct.run(
-                load_specification(arguments.file, changes_of(scenario)),
+            specification = load_specification(arguments.file, changes_of(scenario))
+            file = run(
+                replace(specification, limit_hours=math.inf) if arguments.yes else specification,
                 out,
                 jobs=arguments.jobs,
                 scheduler=arguments.scheduler,
                 resume=arguments.resume,
-                yes=arguments.yes,
                 any_version=arguments.any_version,
                 progress=progress,
             ).file
@@ -77,9 +79,9 @@ def _tune(arguments: argparse.Namespace, scenario: Scenario) -> None:
     from flipdiagram.campaign.tuning import load_tuning
 
     with status(arguments.quiet) as progress:
-        specification, wanted = load_tuning(arguments.file, changes_of(scenario))
-        found = tune(specification, wanted, out, jobs=arguments.jobs, scheduler=arguments.scheduler, progress=progress)
-        summary = write_tuning(found, specification.base, out)
+        specification, tuning = load_tuning(arguments.file, changes_of(scenario))
+        result = tune(specification, tuning, out, jobs=arguments.jobs, scheduler=arguments.scheduler, progress=progress)
+        summary = write_tuning(result, specification.base, out)
     if not arguments.quiet:
         _show(tuning_grid(summary))
         print(f"written to {out}")

@@ -28,14 +28,15 @@ def plan(arguments: argparse.Namespace, scenario: Scenario) -> None:
     """Plan the motion only."""
     out = check_output_directory(arguments.out)
 
-    from flipdiagram.figures import motion as figures
+    from flipdiagram.figures.motion import plot_plan
+    from flipdiagram.figures.style import save
     from flipdiagram.planning import plan_motion
 
     with status(arguments.quiet) as progress:
         progress("planning")
         found = plan_motion(scenario)
     write_atomically(out / "plan.json", found.to_json())
-    figures.save(cast("Figure", figures.plot_plan(found)[0].figure), out / "plan")
+    save(cast("Figure", plot_plan(found)[0].figure), out / "plan")
     write_summary(out / "summary.json", "plan", scenario, {"plan": found.summary()})
     if not arguments.quiet:
         console().print(summary_table("planned motion", found.summary()))

@@ -67,7 +67,7 @@ def _run(argv: list[str]) -> int:
 
 def _load_scenario(file: str | None, overrides: dict[str, str]) -> Scenario:
     from flipdiagram.scenario.scenario import Scenario, load
-    from flipdiagram.scenario.text import parse_value
+    from flipdiagram.scenario.yaml_reader import parse_value
 
     scenario = Scenario() if file is None else load(file)
     return scenario.with_overrides({path: parse_value(text, path) for path, text in overrides.items()})

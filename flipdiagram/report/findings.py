@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from flipdiagram.figures.motion import NAMES
+from flipdiagram.figures.style import NAMES
 from flipdiagram.scenario.scenario import ARCHITECTURES
 
 Summary = Mapping[str, Any]

@@ -13,7 +13,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from flipdiagram.errors import InputError
-from flipdiagram.figures.motion import NAMES, STYLES
+from flipdiagram.figures.style import NAMES, STYLES
 from flipdiagram.grid import BAD, GOOD, Grid
 from flipdiagram.planning.plan import Plan
 from flipdiagram.results import plots

@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flipdiagram.errors import InputError
-from flipdiagram.figures.motion import GUIDE, LABELS, MARK, NAMES, STYLES, Style, dropped_at, new_axes
+from flipdiagram.figures.motion import dropped_at
+from flipdiagram.figures.style import GUIDE, LABELS, MARK, NAMES, STYLES, Style, new_axes
 from flipdiagram.results.signals import Component, components, pretty, scenario_fields
 from flipdiagram.simulation import metrics
 

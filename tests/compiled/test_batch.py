@@ -79,7 +79,7 @@ def test_defaults_come_from_the_context_and_contexts_can_be_given(axis):
     diagram = axis.layout.structure.diagram
     context = diagram.CreateDefaultContext()
     pd, dob = diagram.GetSubsystemByName("pd"), diagram.GetSubsystemByName("dob")
-    pd.set_gains(pd.GetMyContextFromRoot(context), k_p=[123.0])
+    pd.set_parameters(pd.GetMyContextFromRoot(context), k_p=[123.0])
     dob.set_initial_estimate(dob.GetMyContextFromRoot(context), [0.5])
     assert axis.parameters_from(context)["pd.0"] == [123.0]
     assert axis.state_from(context)[0] == 15.0

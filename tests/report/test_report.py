@@ -14,8 +14,7 @@ from flipdiagram.report.findings import border_sentences, fragile_sentence, kind
 from flipdiagram.report.html import self_contained
 from flipdiagram.report.pages import EXPERIMENT_FIGURES, FREQUENCY_FIGURES, PLACE_FIGURES
 from flipdiagram.report.sources import NOT_ASSUMED, model_grid, scenario_grid
-from flipdiagram.scenario import text as scenario_io
-from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
+from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, field_paths
 from flipdiagram.studies.frequency.tables import FIGURES
 
 report = importlib.import_module("flipdiagram.report.report")
@@ -301,7 +300,7 @@ def test_fragile_verdicts_are_named():
 def test_every_field_that_a_run_assumes_has_an_origin():
     grid = scenario_grid(Scenario())
     paths = [row[0].strip("`") for row in grid.rows]
-    assert paths == [path for path in scenario_io.field_paths(Scenario) if not path.startswith(NOT_ASSUMED)]
+    assert paths == [path for path in field_paths() if not path.startswith(NOT_ASSUMED)]
     for row in grid.rows:
         assert row[3] and row[4], row
         assert not re.search(r"\([pHMLo]\)|\[", row[3]), row  # the mark has become the origin

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from flipdiagram.figures.motion import NAMES, RC, STYLES, save
+from flipdiagram.figures.style import NAMES, RC, STYLES, save
 
 COLOURS = "viridis_r"
 """Sequential and even for colour-blind readers: dark is a large error."""

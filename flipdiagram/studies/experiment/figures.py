@@ -12,7 +12,8 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flipdiagram.figures.motion import GUIDE, LABELS, NAMES, RC, STYLES, WITH_OBSERVER, dropped_at, save
+from flipdiagram.figures.motion import dropped_at
+from flipdiagram.figures.style import GUIDE, LABELS, NAMES, RC, STYLES, WITH_OBSERVER, save
 from flipdiagram.scenario.scenario import ARCHITECTURES
 from flipdiagram.studies.experiment.run import ExperimentResult
 

@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from flipdiagram.figures.motion import NAMES, new_axes, save, style_of
+from flipdiagram.figures.style import NAMES, new_axes, save, style_of
 
 Summary = Mapping[str, Any]
 THEORY: Any = {"color": "black", "linewidth": 0.5, "zorder": 4, "label": "theory (no friction)"}

@@ -10,7 +10,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flipdiagram.figures.motion import GUIDE, LABELS, NAMES, RC, STYLES, save, style_of
+from flipdiagram.figures.style import GUIDE, LABELS, NAMES, RC, STYLES, save, style_of
 from flipdiagram.scenario.scenario import ARCHITECTURES
 from flipdiagram.simulation.recording import Recording
 from flipdiagram.studies.place.run import PlaceResult, planned_states

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from flipdiagram.figures import motion as figures
+from flipdiagram.figures import motion
+from flipdiagram.figures.style import save
 from flipdiagram.flips.workers import Workers
 from flipdiagram.rendering.replay import write_replay
 from flipdiagram.rendering.snapshots import take_snapshots
@@ -47,23 +48,23 @@ def _replay(recordings: dict[str, Recording], scenario: Scenario, out: Path) -> 
 
 def _strip(recording: Recording, scenario: Scenario, out: Path) -> str | None:
     snapshots = take_snapshots(recording, scenario)
-    axes = figures.snapshot_strip(snapshots.images, snapshots.times)
-    figures.save(_figure_of(axes), out / "fig12_snapshots")
+    axes = motion.snapshot_strip(snapshots.images, snapshots.times)
+    save(_figure_of(axes), out / "fig12_snapshots")
     return snapshots.note
 
 
 def _figures(result: TurnoverResult, recordings: dict[str, Recording]) -> None:
     out = result.out
     drawn = {
-        "plan": figures.plot_plan(result.plan),
-        "fig13_trajectories": figures.plot_trajectories(recordings),
-        "fig14_velocities": figures.plot_velocities(recordings),
-        "fig15_accelerations": figures.plot_accelerations(recordings),
-        "sliding_angle": figures.plot_sliding_angle(recordings),
-        "torques": figures.plot_torques(recordings),
+        "plan": motion.plot_plan(result.plan),
+        "fig13_trajectories": motion.plot_trajectories(recordings),
+        "fig14_velocities": motion.plot_velocities(recordings),
+        "fig15_accelerations": motion.plot_accelerations(recordings),
+        "sliding_angle": motion.plot_sliding_angle(recordings),
+        "torques": motion.plot_torques(recordings),
     }
     for name, axes in drawn.items():
-        figures.save(_figure_of(axes), out / name)
+        save(_figure_of(axes), out / name)
 
 
 def _figure_of(axes: object) -> Figure:

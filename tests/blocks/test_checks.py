@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydrake.symbolic import Variable
 
-from flipdiagram.blocks._parameters import channels, nominal_inertia, same_form, sampling, times_inertia
+from flipdiagram.blocks._checks import channels, nominal_inertia, same_form, sampling, times_inertia
 from flipdiagram.errors import InputError
 
 
@@ -41,7 +41,7 @@ def test_symbols_are_accepted_unchecked() -> None:
 )
 def test_nominal_inertia_must_be_positive_definite(bad: Any) -> None:
     with pytest.raises(InputError, match="nominal inertia"):
-        nominal_inertia(bad)
+        nominal_inertia("nominal inertia", bad)
 
 
 def test_times_inertia_diagonal_and_matrix() -> None:
@@ -51,9 +51,9 @@ def test_times_inertia_diagonal_and_matrix() -> None:
 
 
 def test_same_form_spreads_a_diagonal_and_refuses_the_rest() -> None:
-    assert same_form(np.array([2.0, 3.0]), np.eye(2)).tolist() == [[2.0, 0.0], [0.0, 3.0]]
+    assert same_form("inertia", np.array([2.0, 3.0]), np.eye(2)).tolist() == [[2.0, 0.0], [0.0, 3.0]]
     with pytest.raises(InputError, match=r"\(2, 2\).*\(2,\)"):
-        same_form(np.eye(2), np.ones(2))
+        same_form("inertia", np.eye(2), np.ones(2))
 
 
 @pytest.mark.parametrize(("period", "offset"), [(0.0, 0.0), (-1.0, 0.0), (np.nan, 0.0), (1.0, -1.0), (1.0, np.inf)])
