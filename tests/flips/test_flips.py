@@ -282,7 +282,7 @@ def test_a_recording_that_is_gone_or_anothers_is_run_again(outcomes, flips, fold
 COMMAND = [
     sys.executable,
     "-m",
-    "flipdiagram.cli.main",
+    "flipdiagram",
     "experiment",
     "--starts",
     "0",
