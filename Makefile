@@ -41,7 +41,7 @@ flip: $(INSTALLED)
 	$(RUN) -m flipdiagram flip --out $(OUT)/turnover
 
 test: $(TESTABLE) programs
-	$(RUN) -m pytest -n 2 --dist loadfile
+	$(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder  # a file's tests share what is costly
 
 lint: $(TESTABLE)
 	$(RUN) -m ruff check .

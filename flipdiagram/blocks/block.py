@@ -7,16 +7,16 @@
             self.input("tau_cmd", self.tau_max.size)
             self.output("tau", self.tau_max.size, limited_torque)  # a function of tau_cmd and tau_max
 
-A law is a pure function.  Its arguments are read by their names: of input ports, numeric parameters, the state, what is
-`cached`, the time `t` [s], or plain attributes.  An output depends on what its law takes, and on nothing else, so the
-feed-through that Drake is told of is that of the law.
+A law is a pure function.  Its arguments are read by their names: of input ports, numeric parameters, the state, the
+time `t` [s], or plain attributes.  An output depends on what its law takes, and on nothing else, so the feed-through
+that Drake is told of is that of the law.
 """
 
 from __future__ import annotations
 
 import inspect
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, TypeVar
 
@@ -27,6 +27,7 @@ from pydrake.common.value import Value
 from pydrake.symbolic import Expression
 from pydrake.systems.framework import (
     BasicVector_,
+    CacheEntry,
     DependencyTicket,
     InputPort,
     LeafSystem,
@@ -46,20 +47,30 @@ Law = Callable[..., Any]
 
 
 class Block(LeafSystem):
-    """A Drake LeafSystem whose parts are declared by name; a subclass is made a Drake system by `convertible`.
+    """A Drake LeafSystem whose parts are declared by name, over float; over every scalar where made `convertible`.
 
-    Each argument of a subclass's `__init__` is kept as an attribute of its name: conversion to another scalar builds
-    the block again from them.  Parameters changed in a Context are carried over by `SetTimeStateAndParametersFrom`.
+    A convertible block has been begun when its `__init__` runs, and keeps each argument of it as an attribute of its
+    name: conversion to another scalar builds it again from them.  Parameters changed in a Context are carried over by
+    `SetTimeStateAndParametersFrom`.
     """
 
-    scalar: type
+    scalar: type = float
     """T: float, AutoDiffXd or Expression."""
     _sources: dict[str, tuple[Callable[[ScalarContext], Any], DependencyTicket]]
     _parameters: dict[str, tuple[int, Callable[..., Array]]]
 
-    def input(self, name: str, size: int) -> None:
-        """Declare an input port, a vector of `size`."""
-        port: InputPort = self.DeclareVectorInputPort(name, size)
+    def __init__(self) -> None:
+        LeafSystem.__init__(self)
+        self._begin()
+
+    def _begin(self) -> None:
+        self._sources = {"t": (lambda context: context.get_time(), self.time_ticket())}
+        self._parameters = {}
+
+    def input(self, name: str, size: int | Value) -> None:
+        """Declare an input port, a vector of `size` or an abstract value."""
+        declare = self.DeclareVectorInputPort if isinstance(size, int) else self.DeclareAbstractInputPort
+        port: InputPort = declare(name, size)
         self._sources[name] = port.Eval, port.ticket()
 
     def parameter(
@@ -97,19 +108,26 @@ class Block(LeafSystem):
         )
         return index
 
-    def cached(self, name: str, law: Law) -> None:
-        """Declare a value that is computed once for all outputs whose laws take it."""
-        evaluate, tickets = self._evaluated(law)
-        producer = ValueProducer(
-            allocate=lambda: Value[object](), calc=lambda context, value: value.set_value(evaluate(context))
-        )
-        entry = self.DeclareCacheEntry(name, producer, tickets)
-        self._sources[name] = entry.Eval, entry.ticket()
+    def abstract_state(self, name: str, initial: Any, read: Callable[[ScalarContext], Any]) -> int:
+        """Declare a state that is any object, read from the Context by `read`; returns its index."""
+        index = self.DeclareAbstractState(Value[object](initial) if initial is not None else Value[object]())
+        self._sources[name] = read, self.abstract_state_ticket(index)
+        return int(index)
 
     def output(self, name: str, size: int, law: Law) -> None:
         """Declare an output port, the value of a law, shape (size,)."""
         evaluate, tickets = self._evaluated(law)
         self.DeclareVectorOutputPort(name, size, lambda context, output: output.set_value(evaluate(context)), tickets)
+
+    def outputs(self, names: Sequence[str], size: int, law: Law) -> None:
+        """Declare output ports, shape (size,), of the values of one law, which runs once for all of them."""
+        evaluate, tickets = self._evaluated(law)
+        producer = ValueProducer(
+            allocate=lambda: Value[object](), calc=lambda context, value: value.set_value(evaluate(context))
+        )
+        entry = self.DeclareCacheEntry(", ".join(names), producer, tickets)
+        for i, name in enumerate(names):
+            self.DeclareVectorOutputPort(name, size, partial(_write_one, entry, i), {entry.ticket()})
 
     def update(self, law: Law, period: float, offset: float = 0.0) -> None:
         """Declare that the state becomes the value of a law each `period`, first at `offset` [s]."""
@@ -127,8 +145,8 @@ class Block(LeafSystem):
             given = same_form(name, check(value), getattr(self, name))
             context.get_mutable_numeric_parameter(index).SetFromVector(given.ravel())
 
-    def parameter_in(self, context: ScalarContext, name: str) -> Array:
-        """The numeric parameter `name` in `context`, in the form built."""
+    def value_in(self, context: ScalarContext, name: str) -> Any:
+        """What an input, parameter or state is in `context`."""
         return self._sources[name][0](context)
 
     def _evaluated(self, law: Law) -> tuple[Callable[[ScalarContext], Any], set[DependencyTicket]]:
@@ -142,6 +160,10 @@ class Block(LeafSystem):
                 read = partial(_constant, getattr(self, name))
             reads.append(read)
         return lambda context: law(*[read(context) for read in reads]), tickets
+
+
+def _write_one(entry: CacheEntry, i: int, context: ScalarContext, output: Any) -> None:
+    output.set_value(entry.Eval(context)[i])
 
 
 def _constant(value: Any, context: ScalarContext) -> Any:
@@ -170,14 +192,14 @@ def convertible(*scalars: type) -> Callable[[type[B]], type[B]]:
         def over(T: Any) -> type:
             def construct(self: Any, *given: Any, converter: Any = None, **named: Any) -> None:
                 LeafSystem_[T].__init__(self, converter=converter)
-                self._sources = {"t": (lambda context: context.get_time(), self.time_ticket())}
-                self._parameters = {}
+                self._begin()
                 pattern.__init__(self, *given, **named)
 
             def construct_copy(self: Any, other: Any, converter: Any = None) -> None:
                 construct(self, converter=converter, **{name: getattr(other, name) for name in arguments})
 
             body = {**methods, "scalar": T, "_construct": construct, "_construct_copy": construct_copy}
+            body["__signature__"] = inspect.signature(pattern)  # what help() and editors show
             return type(LeafSystem_[T])(pattern.__name__, (LeafSystem_[T],), body)
 
         template = TemplateSystem.define(

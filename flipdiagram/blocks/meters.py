@@ -1,6 +1,7 @@
 """Instruments as blocks: their sums are discrete state, so that measuring needs no log.
 
-Every meter counts the samples at t >= ``start_time``.  To measure one window after another, reset its state.
+Every meter counts the samples at t >= `start_time`.  To measure one window after another, reset its state.  Drawings
+leave out what has `only_looks_on`.
 """
 
 from typing import Any
@@ -103,6 +104,7 @@ class LockIn(Block):
     """
 
     numeric_parameter_names = ("omega", "start_time")
+    only_looks_on = True
 
     def __init__(self, omega: ArrayLike, period: float, start_time: ArrayLike = 0.0) -> None:
         self.parameter("omega", omega, strict=True)
@@ -125,6 +127,7 @@ class Peak(Block):
     """
 
     numeric_parameter_names = ("start_time",)
+    only_looks_on = True
 
     def __init__(self, num_channels: int, period: float, start_time: ArrayLike = 0.0) -> None:
         self.num_channels, n = num_channels, num_channels
@@ -145,6 +148,7 @@ class RootMeanSquare(Block):
     """
 
     numeric_parameter_names = ("start_time",)
+    only_looks_on = True
 
     def __init__(self, num_channels: int, period: float, start_time: ArrayLike = 0.0) -> None:
         self.num_channels = num_channels

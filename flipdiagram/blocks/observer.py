@@ -61,5 +61,5 @@ class DisturbanceObserver(Block):
         n = self.g_dis.size
         qd = channels("qd", qd, n, minimum=-np.inf)
         tau_dis = channels("tau_dis", tau_dis, n, minimum=-np.inf)
-        g_dis, inertia = (self.parameter_in(context, name) for name in ("g_dis", "inertia"))
+        g_dis, inertia = (self.value_in(context, name) for name in ("g_dis", "inertia"))
         context.SetDiscreteState(tau_dis + g_dis * times_inertia(inertia, qd))

@@ -20,6 +20,4 @@ class ToolKinematics(Block):
         scalar_arm = arm if self.scalar is float else arm.to_scalar(self.scalar)
         self.input("q", num_joints)
         self.input("qd", num_joints)
-        self.cached("x_and_v", lambda q, qd: scalar_arm.task_position_velocity(q, qd))
-        self.output("x", num_coordinates, lambda x_and_v: x_and_v[0])
-        self.output("v", num_coordinates, lambda x_and_v: x_and_v[1])
+        self.outputs(("x", "v"), num_coordinates, lambda q, qd: scalar_arm.task_position_velocity(q, qd))

@@ -21,7 +21,7 @@ from flipdiagram.blocks.feedforward import AccelerationFeedforward
 from flipdiagram.blocks.gravity import GravityCompensation
 from flipdiagram.blocks.inertia import NominalInertia
 from flipdiagram.blocks.inverse_jacobian import InverseJacobian
-from flipdiagram.blocks.mpc import CHANNELS
+from flipdiagram.blocks.mpc import CHANNELS, COMMANDS
 from flipdiagram.blocks.observer import DisturbanceObserver
 from flipdiagram.blocks.pd import ProportionalDerivative
 from flipdiagram.blocks.tool_kinematics import ToolKinematics
@@ -34,8 +34,6 @@ from flipdiagram.planning.planner import Planner
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 
-COMMANDS = ("x_cmd", "v_cmd", "a_cmd")
-"""What the MPC asks for."""
 SIGNALS = (*COMMANDS, "x", "v", "q", "qd", "a_ref", "qdd_ref", "tau_ref", "tau_dis", "tau_gravity", "tau_cmd", "tau")
 """Signals that a box may take as inputs, by the names of the figure."""
 

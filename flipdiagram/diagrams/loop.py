@@ -13,11 +13,11 @@ from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
 from flipdiagram.arrays import Floats
 from flipdiagram.blocks.camera import Camera
 from flipdiagram.blocks.delay import Delay
-from flipdiagram.blocks.mpc import ModelPredictiveController
+from flipdiagram.blocks.mpc import COMMANDS, ModelPredictiveController
 from flipdiagram.blocks.noise import SensorNoise
 from flipdiagram.blocks.receding_horizon import RecedingHorizonController, Timing
 from flipdiagram.blocks.sensors import Encoder, PseudoDerivative
-from flipdiagram.diagrams.controller import COMMANDS, ControllerBoxes, add_controller
+from flipdiagram.diagrams.controller import ControllerBoxes, add_controller
 from flipdiagram.diagrams.replacement import Box, build_diagram
 from flipdiagram.diagrams.start import Start, start_of
 from flipdiagram.planning.plan import Plan

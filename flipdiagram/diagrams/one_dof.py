@@ -18,11 +18,12 @@ from flipdiagram.blocks.commands import BroadbandNoise, SinusoidalCommand, Sinus
 from flipdiagram.blocks.feedforward import AccelerationFeedforward
 from flipdiagram.blocks.inertia import NominalInertia
 from flipdiagram.blocks.meters import LockIn, Peak, RootMeanSquare
+from flipdiagram.blocks.mpc import COMMANDS
 from flipdiagram.blocks.observer import DisturbanceObserver
 from flipdiagram.blocks.pd import ProportionalDerivative
 from flipdiagram.blocks.sensors import PseudoDerivative
 from flipdiagram.diagrams.arrows import OUTSIDE, Arrows
-from flipdiagram.diagrams.controller import COMMANDS, check_architecture
+from flipdiagram.diagrams.controller import check_architecture
 from flipdiagram.errors import InputError
 from flipdiagram.plants.one_dof import OneDofPlant
 from flipdiagram.scenario.one_dof import OneDof

@@ -9,11 +9,7 @@ from dataclasses import dataclass
 from pydrake.systems.framework import Diagram, InputPort, OutputPort, System
 from pydrake.systems.primitives import Adder, VectorLogSink
 
-from flipdiagram.blocks.meters import LockIn, Peak, RootMeanSquare
 from flipdiagram.errors import InputError
-
-TAPS = (VectorLogSink, LockIn, Peak, RootMeanSquare)
-"""Systems that only look on: log sinks, and the meters of section III."""
 
 _ADDRESS = re.compile(r"@[0-9a-f]{6,}")
 _GENERIC = re.compile(r"(?:u|y|sum|in|out|input|output|data)_?\d*")
@@ -91,6 +87,11 @@ def class_of(system: System) -> str:
     return re.sub(r"_?𝓣.*", "", type(system).__name__)
 
 
+def _only_looks_on(system: System) -> bool:
+    """Whether it is a log sink, or a meter that says so of itself."""
+    return isinstance(system, VectorLogSink) or getattr(system, "only_looks_on", False)
+
+
 def leaves(path: Path, system: System) -> Iterator[tuple[Path, System]]:
     """The leaf systems of a system with their paths, in the order in which they were added."""
     if not isinstance(system, Diagram):
@@ -151,7 +152,7 @@ class _Reader:
 
     def _add_boxes(self, diagram: Diagram, above: Path) -> None:
         for name, system in named_systems(diagram):
-            if isinstance(system, TAPS) and not self._taps:
+            if not self._taps and _only_looks_on(system):
                 continue
             group = self._group_of.get(name) if diagram is self._diagram else None
             outer = above if group is None else (*above, group)
@@ -207,7 +208,9 @@ class _Reader:
         """The drawn boxes that an input port leads to."""
         system, name = port.get_system(), port.get_name()
         if system is self._diagram or self._paths.get(system) in self._open:
-            inner = [s.get_input_port(i) for s, i in system.GetInputPortLocators(port.get_index())]
+            order = {inside: i for i, inside in enumerate(system.GetSystems())}  # Drake's is that of their addresses
+            locators = sorted(system.GetInputPortLocators(port.get_index()), key=lambda at: (order[at[0]], int(at[1])))
+            inner = [inside.get_input_port(i) for inside, i in locators]
             return [_End(end.path, (name, *end.names), end.port) for inside in inner for end in self._targets(inside)]
         path = self._visible(system)
         return [] if path is None else [_End(path, (name,), self._full_name(system, name))]

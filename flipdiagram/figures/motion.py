@@ -147,15 +147,15 @@ def _plot_responses(
     recordings: Recordings, architectures: Sequence[str], quantity: str, axes: Sequence[Axes] | None
 ) -> Sequence[Axes]:
     own, axes = axes is None, list(new_axes(3, (5.6, 6.2)) if axes is None else axes)
-    chosen = {name: recordings[name] for name in architectures if name in recordings}
-    for name, recording in _command_first(chosen):
+    shown = {name: recordings[name] for name in architectures if name in recordings}
+    for name, recording in _command_first(shown):
         window = _motion(recording)
         components = _components(window, f"{quantity}_cmd" if name == "command" else quantity)
         for ax, values in zip(axes, components, strict=True):
             _line(ax, window["time"], values, name)
     for ax, label in zip(axes, LABELS[quantity], strict=True):
         ax.set(ylabel=label)
-        for recording in list(chosen.values())[:1]:
+        for recording in list(shown.values())[:1]:
             ax.axvline(recording.attrs["release_time_s"], **GUIDE, label="planned release")
     axes[-1].set_xlabel("time [s]")
     finish(axes, own)

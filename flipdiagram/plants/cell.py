@@ -10,10 +10,11 @@ from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlant, ContactResults, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import BodyIndex
-from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, InputPort, LeafSystem, OutputPort
+from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort
 from pydrake.systems.primitives import Adder, Demultiplexer
 
 from flipdiagram.arrays import Floats
+from flipdiagram.blocks.block import Block
 from flipdiagram.blocks.friction import JointFriction, stable_transition_velocity
 from flipdiagram.errors import InputError
 from flipdiagram.plants.push import Push
@@ -41,7 +42,7 @@ CONTACT_PAIRS = ("blade-block", "table-block", "table-blade")
 """Who pushes whom in the output of `ContactForces`: the first on the second."""
 
 
-class ContactForces(LeafSystem):
+class ContactForces(Block):
     """Contact forces, output `contact_wrench` (12,): force x, y, z [N] in world axes for each of `CONTACT_PAIRS`, then
     the moment [N·m] of the first pair's forces, blade on block, about the world's origin.
 
@@ -56,12 +57,11 @@ class ContactForces(LeafSystem):
         self._slot |= {(on, by): (first, -1.0) for (by, on), (first, _) in self._slot.items()}
         bodies = (parts.arm.spatula_body, parts.block, parts.table)
         self._body_of = {g: b.index() for b in bodies for g in plant.GetCollisionGeometriesForBody(b)}
-        self._results = self.DeclareAbstractInputPort("contact_results", Value[ContactResults]())
-        self.DeclareVectorOutputPort("contact_wrench", 12, self._calc, {self._results.ticket()})
+        self.input("contact_results", Value[ContactResults]())
+        self.output("contact_wrench", 12, self._wrench)
 
-    def _calc(self, context: Context, output: BasicVector) -> None:
-        wrench = np.zeros(12)
-        results = self._results.Eval(context)
+    def _wrench(self, contact_results: ContactResults) -> Floats:
+        wrench, results = np.zeros(12), contact_results
         for i in range(results.num_hydroelastic_contacts()):
             info = results.hydroelastic_contact_info(i)
             surface = info.contact_surface()
@@ -72,7 +72,7 @@ class ContactForces(LeafSystem):
             pair = results.point_pair_contact_info(i)
             # contact_force acts on body B
             self._add(wrench, pair.bodyA_index(), pair.bodyB_index(), pair.contact_force(), pair.contact_point(), 0.0)
-        output.set_value(wrench)
+        return wrench
 
     def _add(
         self,

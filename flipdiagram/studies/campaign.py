@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flipdiagram.campaign import conduct
 from flipdiagram.campaign.checks import changes_of, load_specification
 from flipdiagram.campaign.dataset import export as export_to
 from flipdiagram.campaign.report import write_analysis, write_tuning
+from flipdiagram.campaign.run import run
 from flipdiagram.campaign.tables import pair_grid, success_grid, tuning_grid
 from flipdiagram.campaign.tuner import tune as search
 from flipdiagram.campaign.tuning import load_tuning
@@ -36,15 +38,19 @@ def show(
     return watch is not None or export is not None
 
 
-def fly(scenario: Scenario, out: Path, *, file: str, analyse: Path | None, progress: Progress, **settings: Any) -> None:
+def fly(
+    scenario: Scenario, out: Path, *, file: str, analyse: Path | None, yes: bool, progress: Progress, **settings: Any
+) -> None:
     """Fly the campaign of a specification, or take the file of an earlier one, and analyse it.
 
     scenario: its fields that are not at their defaults count more than the base of the specification.
-    settings: of `conduct.run`.
+    yes: even if it takes longer than its limit.  settings: of `campaign.run.run`.
     """
     if analyse is None:
         specification = load_specification(file, changes_of(scenario))
-        analyse = conduct.run(specification, out, progress=progress, **settings).file
+        if yes:
+            specification = replace(specification, limit_hours=math.inf)
+        analyse = run(specification, out, progress=progress, **settings).file
     progress("analysing")
     write_analysis(analyse, out)
 

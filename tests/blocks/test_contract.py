@@ -177,12 +177,6 @@ def test_no_system_escapes() -> None:
     assert len(our_systems()) >= 25
 
 
-def test_patterns_are_all_made_systems() -> None:
-    """A Block that lacks `convertible` cannot be built; each class that derives from Block has been decorated."""
-    patterns = {pattern.__name__ for pattern in Block.__subclasses__()}
-    assert patterns == {type(SYSTEMS[name]()).__name__.split("_")[0] for name in SYSTEMS if name not in NOT_CONVERTIBLE}
-
-
 def fill(block: Any, context: Any, seed: int = 0, **other: int) -> None:
     """Time, inputs, state and parameters all positive and distinct; `other` seeds replace single ones."""
     context.SetTime(1.0 + numbers("time", 1, seed)[0])

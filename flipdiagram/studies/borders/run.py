@@ -9,7 +9,9 @@ from typing import Any
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import InputError
 from flipdiagram.files import write_summary
-from flipdiagram.flips.flips import Flip, Outcome, Progress, run_flips
+from flipdiagram.flips.flip import Flip
+from flipdiagram.flips.outcome import Outcome
+from flipdiagram.flips.run import Progress, run_flips
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.studies.borders.maps import Axis, Map, maps_of
 from flipdiagram.studies.borders.variations import Variation, variations_of

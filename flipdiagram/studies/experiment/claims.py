@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flipdiagram.flips.flips import Outcome
+from flipdiagram.flips.outcome import Outcome
 from flipdiagram.scenario.scenario import ARCHITECTURES
 from flipdiagram.simulation.metrics import FlipMetrics
 

@@ -9,7 +9,8 @@ from typing import Any
 
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.files import write_summary
-from flipdiagram.flips.flips import Flip, Progress, run_flips
+from flipdiagram.flips.flip import Flip
+from flipdiagram.flips.run import Progress, run_flips
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 
 PERIOD = 0.04

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from flipdiagram.cli import main as cli
 from flipdiagram.cli.options import split_overrides
 from flipdiagram.errors import InputError
-from flipdiagram.flips.flips import Outcome
+from flipdiagram.flips.outcome import Outcome
 from flipdiagram.planning import plan_motion
 from flipdiagram.plants.cell import joint_friction
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario

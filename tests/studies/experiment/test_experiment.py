@@ -8,7 +8,7 @@ import pytest
 
 from flipdiagram.errors import InputError, SimulationError
 from flipdiagram.files import write_summary
-from flipdiagram.flips.flips import Outcome
+from flipdiagram.flips.outcome import Outcome
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.simulation.metrics import FlipMetrics, Touchdown
 from flipdiagram.simulation.recording_files import save_recording
