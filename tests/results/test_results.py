@@ -568,21 +568,16 @@ def test_frequency_is_a_dataset_by_figure(tmp_path):
     assert found["claims"]["holds"].values == [1.0]
 
 
-@pytest.mark.parametrize("study", [*BODIES])
-def test_every_summary_dataset_can_be_saved_and_read(study, tmp_path):
-    found = open_result(summary_file(tmp_path, study))
-    for name, data in found.items() if isinstance(found, dict) else [("all", found)]:
-        data.to_netcdf(tmp_path / f"{name}.nc", engine="scipy")
-        with xr.open_dataset(tmp_path / f"{name}.nc", engine="scipy") as read:
-            assert set(read.data_vars) == set(data.data_vars)
-
-
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
         ("summary.json", "{", "not valid JSON"),
         ("summary.json", "[1]", "has schema null"),
-        ("summary.json", '{"schema": "flipdiagram/other/1"}', "'flipdiagram/other/1'|valid are flipdiagram/turnover/1"),
+        (
+            "summary.json",
+            '{"schema": "flipdiagram/other/1"}',
+            "valid are flipdiagram/plan/1, flipdiagram/turnover/1, .*flipdiagram/tuning/1",
+        ),
         ("summary.json", '{"schema": "flipdiagram/turnover/2"}', "newer than this flipdiagram"),
         ("summary.json", '{"schema": "flipdiagram/turnover/0"}', "older than this flipdiagram"),
         ("summary.json", '{"schema": "flipdiagram/turnover/1"}', "is damaged: it lacks 'versions'"),
@@ -658,13 +653,6 @@ def test_another_dataset_is_told_apart_from_a_recording(tmp_path):
 
 
 # ---- compare and info of summaries
-
-
-@pytest.mark.parametrize("study", [*BODIES])
-def test_a_summary_compared_with_itself_differs_in_nothing(study, tmp_path):
-    path = summary_file(tmp_path, study)
-    found = compare(path, tmp_path)
-    assert found.same and found.kind == study, found.to_markdown()
 
 
 def test_summaries_tell_verdicts_numbers_and_fields_that_differ(tmp_path):
