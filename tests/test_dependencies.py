@@ -100,3 +100,9 @@ def test_what_is_declared_is_imported(extra):
     imported = set().union(*map(providers, IMPORTED))
     named = declared(extra) - declared() if extra else declared()
     assert named and not named - imported
+
+
+def test_an_extra_named_in_a_message_exists():
+    text = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "flipdiagram").rglob("*.py"))
+    named = set(re.findall(r"pip install 'flipdiagram\[([\w-]+)\]'", text))
+    assert "parquet" in named and named <= EXTRAS.keys() - OF_DEVELOPERS

@@ -199,6 +199,7 @@ def convertible(*scalars: type) -> Callable[[type[B]], type[B]]:
                 construct(self, converter=converter, **{name: getattr(other, name) for name in arguments})
 
             body = {**methods, "scalar": T, "_construct": construct, "_construct_copy": construct_copy}
+            body["__signature__"] = inspect.signature(pattern)  # what help() and editors show
             return type(LeafSystem_[T])(pattern.__name__, (LeafSystem_[T],), body)
 
         template = TemplateSystem.define(

@@ -91,16 +91,14 @@ class ArmModel:
     def task_position(self, q: ArrayLike) -> Array:
         """Task coordinates x (6,) [m, rad] of joint angles q (n,) [rad]."""
         self.plant.SetPositions(self._context, self._joints("q", q))
-        X_WC = self._control_point.CalcPoseInWorld(self._context)
-        return task_space.coordinates(X_WC.rotation().matrix(), X_WC.translation())
+        return self._pose()[0]
 
     def task_position_velocity(self, q: ArrayLike, qd: ArrayLike) -> tuple[Array, Array]:
         """x and v (6,) [m, rad; per second] of joint angles q [rad] and speeds qd [rad/s], both (n,)."""
         self._set_state(q, qd)
-        X_WC = self._control_point.CalcPoseInWorld(self._context)
-        R = X_WC.rotation().matrix()
+        x, R = self._pose()
         V_WC = self._control_point.CalcSpatialVelocityInWorld(self._context).get_coeffs()
-        return task_space.coordinates(R, X_WC.translation()), task_space.product(task_space.rate_map(R), V_WC)
+        return x, task_space.product(task_space.rate_map(R), V_WC)
 
     def task_kinematics(self, q: ArrayLike, qd: ArrayLike) -> tuple[Array, Array, Array, Array]:
         """x (6,), v (6,), J (6, n), bias (6,) with v = J qd, a = J qdd + bias; q, qd (n,) [rad, rad/s].
@@ -114,20 +112,22 @@ class ArmModel:
         )
         v = task_space.product(J, qd)
         bias = task_space.product(N, A_bias.get_coeffs())
-        theta, pitch, yaw = task_space.rate_bias(R, v)
-        bias[2] += theta
-        bias[4] += pitch
-        bias[5] += yaw
+        for axis, rate_bias in zip((2, 4, 5), task_space.rate_bias(R, v), strict=True):
+            bias[axis] += rate_bias
         return x, v, J, bias
 
-    def _pose_and_jacobian(self) -> tuple[Array, Array, Array, Array]:
+    def _pose(self) -> tuple[Array, Array]:
         X_WC = self._control_point.CalcPoseInWorld(self._context)
         R = X_WC.rotation().matrix()
+        return task_space.coordinates(R, X_WC.translation()), R
+
+    def _pose_and_jacobian(self) -> tuple[Array, Array, Array, Array]:
+        x, R = self._pose()
         N = task_space.rate_map(R)
         J_V = self.plant.CalcJacobianSpatialVelocity(
             self._context, JacobianWrtVariable.kV, self._control_point, self._zero3, self._world, self._world
         )
-        return task_space.coordinates(R, X_WC.translation()), R, N, task_space.product(N, J_V)
+        return x, R, N, task_space.product(N, J_V)
 
     # Dynamics: M(q) qdd + C(q, qd) qd + gravity_torque(q) = tau; reflected inertia in M, no joint friction
 
@@ -154,10 +154,15 @@ class ArmModel:
     ) -> Array:
         """Joint angles q (n,) [rad] of the task pose x_task (6,), on the branch of the seed, error below tol.
 
-        The search starts from q_seed (default `home`), then from `home`, each time first directly, then along the
-        straight line in task space; an arm that knows no home is searched over all its joint space instead, for
-        angles from which the poses `through`, each (6,), can be reached too. Raises PlanningError naming the pose,
-        and the joint and its limit where one stands in the way.
+        Each search goes first directly, then along the straight line in task space.  Raises PlanningError naming the
+        pose, and the joint and its limit where one stands in the way.
+
+        Args:
+            x_task: the pose (6,) [m, rad].
+            q_seed: where the search starts (n,) [rad], before `home`; an arm that knows no home is searched over all
+                its joint space where no seed is given.
+            tol: largest error of a coordinate [m, rad].
+            through: further poses, each (6,), that such a search must be able to reach from there.
         """
         target = self._task("x_task", x_task, 1)
         seed = self.home if q_seed is None else self._joints("q_seed", q_seed)
@@ -171,7 +176,8 @@ class ArmModel:
         """Joint angles (N, n) [rad] along the task poses xs (N, 6), each sample continuing the one before.
 
         Raises PlanningError naming sample and pose where the path is lost (a singular pose, out of reach,
-        samples too far apart) or, with check_limits, where it leaves the joint limits.
+        samples too far apart) or, with check_limits, where it leaves the joint limits.  q_seed and tol as in
+        `inverse_kinematics`.
         """
         targets = self._task("xs", xs, 2)
         first = self.inverse_kinematics(targets[0], q_seed, tol)
@@ -194,16 +200,16 @@ class ArmModel:
     def _joints(self, name: str, value: ArrayLike) -> Array:
         vector = np.asarray(value)
         if vector.shape != (self.n_joints,):
-            raise InputError(
-                f"{name} has shape {vector.shape}; valid is ({self.n_joints},): {' '.join(self.joint_names)}"
-            )
+            valid = f"({self.n_joints},): {' '.join(self.joint_names)}"
+            raise InputError(f"{name} has shape {vector.shape}; valid is {valid}", field=name, value=value, valid=valid)
         return vector
 
     def _task(self, name: str, value: ArrayLike, dimensions: int) -> Array:
         poses = np.array(value, dtype=float)
         if poses.ndim != dimensions or poses.shape[-1] != len(AXES) or not len(poses):
-            shape = "(6,)" if dimensions == 1 else "(N, 6)"
-            raise InputError(f"{name} has shape {poses.shape}; valid is {shape}, {', '.join(AXES)}")
+            valid = f"{'(6,)' if dimensions == 1 else '(N, 6)'}, {', '.join(AXES)}"
+            raise InputError(f"{name} has shape {poses.shape}; valid is {valid}", field=name, value=value, valid=valid)
         if not np.isfinite(poses).all():
-            raise InputError(f"{name} has entries that are not finite; valid are numbers in m and rad")
+            message = f"{name} has entries that are not finite; valid are numbers in m and rad"
+            raise InputError(message, field=name, value=value, valid="numbers in m and rad")
         return poses

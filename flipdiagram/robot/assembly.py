@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
@@ -24,7 +23,7 @@ from flipdiagram.robot.model_files import arm_urdf, model_path
 from flipdiagram.robot.own_files import JointNumbers, joint_numbers
 
 # Flange: z out of it, x up. Spatula: x out, z up. So x_S = z_F, y_S = -y_F, z_S = x_F; columns are S in F.
-R_FLANGE_SPATULA: Any = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
+R_FLANGE_SPATULA = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,7 @@ def add_arm(plant: MultibodyPlant, spec: ArmSpec) -> ArmHandles:
     spatula_text = spec.spatula or model_path("spatula.urdf").read_text(encoding="utf-8")
     tool_model, body, tool = _add_spatula(plant, spatula_text)
     plant.WeldFrames(flange, body.body_frame(), RigidTransform(R_FS, np.zeros(3)))
-    X_TC: Any = RigidTransform(np.array([0.0, 0.0, spec.tool_height]))  # type: ignore[arg-type]
+    X_TC = RigidTransform([0.0, 0.0, spec.tool_height])
     return ArmHandles(
         arm=instance,
         spatula=tool_model,

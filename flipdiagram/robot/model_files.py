@@ -6,7 +6,7 @@ number is written down only once. All functions are pure: same arguments, same t
 """
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -90,7 +90,7 @@ def spatula_urdf(*, blade_size: Size, tool_length: float, mass: float, friction:
     blade_centre = f"{length!r} 0 {-thickness / 2!r}"
     for path in ("link/visual[@name='blade']", "link/collision"):
         _set(root, f"{path}/origin", xyz=blade_centre)
-        _set(root, f"{path}/geometry/box", size=_text(blade_size))
+        _set(root, f"{path}/geometry/box", size=spaced(blade_size))
     _set(root, "frame", xyz=f"{length!r} 0 0")
     _set(root, "link/visual[@name='handle']/origin", xyz=f"{handle / 2!r} 0 {-thickness / 2!r}")
     _set(root, "link/visual[@name='handle']/geometry/cylinder", length=repr(handle))
@@ -128,7 +128,7 @@ def block_sdf(*, size: Size, mass: float, friction: float, modulus: float, dissi
         f"{DRAKE_TAG}hydroelastic_modulus": modulus,
         f"{DRAKE_TAG}hunt_crossley_dissipation": dissipation,
     }
-    return _filled("block.sdf", {"box/size": _text(size)} | {tag: repr(number) for tag, number in numbers.items()})
+    return _filled("block.sdf", {"box/size": spaced(size)} | {tag: repr(number) for tag, number in numbers.items()})
 
 
 def table_sdf(friction: float) -> str:
@@ -178,5 +178,6 @@ def _filled(name: str, texts: Mapping[str, str]) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _text(values: Sequence[float]) -> str:
+def spaced(values: Iterable[float]) -> str:
+    """Numbers as model files write them, each read back exactly."""
     return " ".join(repr(float(value)) for value in values)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 from pydrake.geometry import GeometrySet
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
@@ -50,8 +48,8 @@ def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
     block = _add_own_object(plant, scenario) if scenario.object.file else _add_block(plant, scenario)
     table = _only_body(plant, table_sdf(scenario.table.friction))
     height = scenario.table.height + scenario.disturbance.table_error
-    top: Any = np.array([scenario.task.start_x, scenario.task.target_y, height])
-    plant.WeldFrames(plant.world_frame(), table.body_frame(), RigidTransform(top))
+    X_WT = RigidTransform([scenario.task.start_x, scenario.task.target_y, height])
+    plant.WeldFrames(plant.world_frame(), table.body_frame(), X_WT)
     _leave_out_collisions(plant, arm)
     return Parts(arm, block, table)
 
@@ -64,7 +62,7 @@ def _only_body(plant: MultibodyPlant, sdf: str) -> RigidBody:
 def _add_block(plant: MultibodyPlant, scenario: Scenario) -> RigidBody:
     block, physics = scenario.object, scenario.simulation
     sdf = block_sdf(
-        size=(block.width, block.length, block.thickness),
+        size=block.size,
         mass=block.mass * scenario.disturbance.object_mass_scale,
         friction=block.friction,
         modulus=physics.hydroelastic_modulus,
@@ -119,13 +117,6 @@ def base_in_plane(scenario: Scenario) -> tuple[float, float, float, float]:
     return task.start_x + c * dx - s * dy, task.start_y + s * dx + c * dy, z, yaw - turn
 
 
-def _own_tool(file: str) -> str:
-    try:
-        return Path(file).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"tool.file = '{file}' cannot be read: {error}") from None
-
-
 def _add_payload(plant: MultibodyPlant, arm: ArmHandles, mass: float) -> None:
     """A solid sphere at the flange, without collision geometry: only its mass [kg] matters."""
     payload = plant.AddRigidBody(
@@ -134,23 +125,22 @@ def _add_payload(plant: MultibodyPlant, arm: ArmHandles, mass: float) -> None:
     plant.WeldFrames(arm.flange, payload.body_frame())
 
 
+def _spatula(scenario: Scenario) -> str:
+    """The text of the tool: the spatula with the scenario's numbers, or a file of the user's own."""
+    tool, friction = scenario.tool, scenario.object.friction
+    if tool.file is None:
+        return spatula_urdf(blade_size=tool.blade_size, tool_length=tool.reach, mass=tool.mass, friction=friction)
+    try:
+        return Path(tool.file).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        message = f"tool.file = '{tool.file}' cannot be read: {error}"
+        raise InputError(message, field="tool.file", value=tool.file) from None
+
+
 def _arm_spec(scenario: Scenario) -> ArmSpec:
-    arm, tool = scenario.arm, scenario.tool
-    own = None
+    arm, own = scenario.arm, None
     if arm.file is not None:
         own = ArmFile(arm.file, arm.base, arm.flange, arm.mount_angle, **{name: getattr(arm, name) for name in OWN_ARM})
-    blade = (tool.blade_length, tool.blade_width, tool.blade_thickness)
-    return ArmSpec(
-        tool_height=scenario.object.thickness / 2,
-        own=own,
-        spatula=_own_tool(tool.file)
-        if tool.file
-        else spatula_urdf(blade_size=blade, tool_length=tool.reach, mass=tool.mass, friction=scenario.object.friction),
-        base_pose=base_in_plane(scenario),
-        link_inertia_scale=arm.link_inertia_scale,
-        reflected_inertia_scale=arm.reflected_inertia_scale,
-        speed_scale=arm.speed_scale,
-        torque_scale=arm.torque_scale,
-        link_inertia_scales=arm.link_inertia_scales,
-        reflected_inertia_scales=arm.reflected_inertia_scales,
-    )
+    height, pose = scenario.object.thickness / 2, base_in_plane(scenario)
+    scales = {f.name: getattr(arm, f.name) for f in fields(ArmSpec) if "scale" in f.name}
+    return ArmSpec(tool_height=height, own=own, spatula=_spatula(scenario), base_pose=pose, **scales)

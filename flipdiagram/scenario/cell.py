@@ -94,6 +94,11 @@ class Tool(Section):
         " x along the handle, z the normal; the blade's numbers here must match; null: the spatula",
     )
 
+    @property
+    def blade_size(self) -> tuple[float, float, float]:
+        """Edges of the blade along x, y, z of the tool frame [m]: length, width, thickness."""
+        return self.blade_length, self.blade_width, self.blade_thickness
+
 
 class Object(Section):
     """The rubber block that stands for the pancake."""
@@ -108,6 +113,11 @@ class Object(Section):
         description="URDF or SDF of another object: one body of this mass, its frame at the centre of a box of this"
         " size, x along the width; null: the block",
     )
+
+    @property
+    def size(self) -> tuple[float, float, float]:
+        """Edges along x, y, z of its frame [m]: width, length, thickness."""
+        return self.width, self.length, self.thickness
 
 
 class Table(Section):

@@ -12,9 +12,9 @@ from campaign.test_campaign_flips import TEXT
 from patience import HUNG
 
 from flipdiagram.campaign.checks import from_text
-from flipdiagram.campaign.conduct import run
-from flipdiagram.campaign.opening import opened
+from flipdiagram.campaign.run import run
 from flipdiagram.errors import InputError, SimulationError
+from flipdiagram.flips.store_file import open_to_read
 
 pytest.importorskip("distributed")
 
@@ -71,7 +71,7 @@ def undisturbed(tmp_path_factory):
 def test_real_flips_are_the_same_on_dask(cluster, tmp_path):
     assert cluster.address.startswith("tcp://127.0.0.1:")
     ended = run(from_text(TEXT), tmp_path / "dask", scheduler=cluster.address)
-    assert "Dask at tcp://127.0.0.1:" in ended.engine
+    assert "Dask at tcp://127.0.0.1:" in ended.workers
     assert contents(ended.file) == contents(run(from_text(TEXT), tmp_path / "here", jobs=2).file)
 
 
@@ -96,7 +96,7 @@ def test_a_scheduler_that_goes_away_is_one_line_and_the_rest_is_flown_elsewhere(
 
     with pytest.raises(SimulationError, match=r"gone.*--resume"):
         run(from_text(QUIET), tmp_path, scheduler=cluster.address, work=SLOW, progress=end)
-    with opened(tmp_path / "campaign.sqlite") as results:
+    with open_to_read(tmp_path / "campaign.sqlite") as results:
         assert 10 <= len(results.done()) < 60
     run(from_text(QUIET), tmp_path, jobs=2, resume=True, work=WORK)
     assert contents(tmp_path / "campaign.sqlite") == undisturbed

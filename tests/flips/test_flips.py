@@ -1,6 +1,5 @@
 """Flips that are run once per question: what the question is, and that nothing finished is run again."""
 
-import itertools
 import json
 import os
 import signal
@@ -8,24 +7,28 @@ import sqlite3
 import subprocess
 import sys
 import time
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
 import grimp
 import numpy as np
 import pytest
-from patience import HUNG
+from flips.tasks import fly_or_hang, fly_wrongly, refuse_to_plan
+from patience import HUNG, loaded
 from shared import default_plan
 
 import flipdiagram
-from flipdiagram.flips.flips import PLAN_SECTIONS, SOURCES, Clock, Flip, Outcome, _done, run_flips
-from flipdiagram.flips.store import Store
+from flipdiagram.errors import InputError, SimulationError
+from flipdiagram.flips import run as flips_run
+from flipdiagram.flips.flight import Work, fly_flight
+from flipdiagram.flips.flip import PLAN_SECTIONS, SOURCES, Flip
+from flipdiagram.flips.run import Clock, is_done, run_flips
+from flipdiagram.flips.store_file import open_to_write
 from flipdiagram.planning import plan_motion
 from flipdiagram.scenario.scenario import ARCHITECTURES, FILES, Scenario, field_paths
 from flipdiagram.scenario.text import fields_of
 from flipdiagram.simulation import metrics
-from flipdiagram.simulation.metrics import FlipMetrics, Touchdown
 from flipdiagram.simulation.recording_files import load_recording, recording_key
 from flipdiagram.simulation.simulate import simulate
 from flipdiagram.studies.experiment import run as experiment
@@ -169,33 +172,13 @@ def test_the_sources_are_there():
         assert (package / name).is_dir() or (package / f"{name}.py").is_file(), f"{name} is gone"
 
 
-@pytest.mark.parametrize("touchdown", [None, Touchdown(0.5, 0.01, 0.205, 3.0)])
-def test_an_outcome_comes_back_as_it_was(touchdown):
-    nan = float("nan")
-    numbers = dict(
-        zip(
-            (field.name for field in fields(FlipMetrics)),
-            itertools.cycle([0.1 + 0.2, 1 / 3, nan, 5e-324, -0.0, 7.0]),
-            strict=False,
-        )
-    )
-    said = {"architecture": "pd", "success": False, "failure": "dropped", "touchdown": touchdown}
-    found = FlipMetrics(**numbers | said | {"max_torque_Nm": [1.0, 2.0]})
-    one = Outcome(found, "dropped", {"cost_J": 1.25})
-    two = Outcome.from_json(one.to_json())
-    assert repr(two) == repr(one)  # nan differs from itself, its text does not
-    assert not two.success
-    lost = Outcome(None, "no plan: too far")
-    assert Outcome.from_json(lost.to_json()) == lost and not lost.success
-
-
 def test_the_clock_counts_and_estimates():
     clock = Clock(4)
     clock.begin -= 30.0
-    assert clock.tick().startswith("1/4, 1:3")  # 30 s for the first, three are left
+    assert clock.tick().startswith("flips 1/4, 1:3")  # 30 s for the first, three are left
     clock.tick()
     clock.tick()
-    assert clock.tick() == "4/4, 0:00 left"
+    assert clock.tick() == "flips 4/4, 0:00 left"
 
 
 @pytest.fixture(scope="module")
@@ -225,7 +208,7 @@ def outcomes(flips, folder):
 def rows(folder):
     connection = sqlite3.connect(folder / "runs.sqlite")
     try:
-        return connection.execute("SELECT rowid, * FROM flips ORDER BY key").fetchall()
+        return connection.execute("SELECT * FROM trials ORDER BY trial").fetchall()
     finally:
         connection.close()
 
@@ -262,12 +245,12 @@ def test_a_second_call_runs_nothing(outcomes, flips, folder):
 def test_a_recording_that_is_gone_or_anothers_is_run_again(outcomes, flips, folder):
     flip = flips[0]
     whole = load_recording(folder / "a.nc")
-    with Store(folder / "runs.sqlite") as store:
-        assert _done(flip, store, folder)
-        assert not _done(replace(flip, recording="gone.nc"), store, folder)
+    with open_to_write(folder / "runs.sqlite", {"digest": "flips of studies"}) as store:
+        assert is_done(flip, store, folder)
+        assert not is_done(replace(flip, recording="gone.nc"), store, folder)
         (folder / "half.nc").write_bytes((folder / "a.nc").read_bytes()[:50])
-        assert not _done(replace(flip, recording="half.nc"), store, folder)
-        assert _done(replace(flip, recording=None), store, folder)
+        assert not is_done(replace(flip, recording="half.nc"), store, folder)
+        assert is_done(replace(flip, recording=None), store, folder)
 
     # another scenario's flip has written the same name since; this one's is still known to the store
     other = Flip(flip.scenario.with_overrides({"simulation.settle_time": 0.06}), flip.architecture, "a.nc")
@@ -279,10 +262,34 @@ def test_a_recording_that_is_gone_or_anothers_is_run_again(outcomes, flips, fold
     assert load_recording(folder / "a.nc").equals(whole)
 
 
+def test_a_flip_that_is_lost_is_an_error_and_flown_again_while_the_others_are_kept(tmp_path, monkeypatch):
+    near = Scenario().with_overrides(SHORT)
+    flips = [Flip(near, "pd"), Flip(near, "pd+ff")]
+    monkeypatch.setattr(flips_run, "LEAST_TIMEOUT", loaded(5.0))
+    monkeypatch.setattr(flips_run, "PACE", 0.0)
+    monkeypatch.setattr(flips_run, "WORK", Work(flips_run.WORK.plan, fly_or_hang))
+    with pytest.raises(SimulationError, match=r"lost, timeout: took longer than [0-9.]+ s; the others are kept"):
+        run_flips(flips, tmp_path)
+    monkeypatch.setattr(flips_run, "WORK", Work(flips_run.WORK.plan, fly_wrongly))
+    words = []
+    with pytest.raises(RuntimeError, match="ZeroDivisionError"):  # a bug, not physics
+        run_flips(flips, tmp_path, progress=words.append)
+    assert words[0] == "2 flips, 1 of them to be run"
+    monkeypatch.undo()
+    assert all(outcome.metrics is not None for outcome in run_flips(flips, tmp_path))
+
+
+def test_a_bad_input_that_only_the_planner_sees_ends_the_run(tmp_path, monkeypatch):
+    monkeypatch.setattr(flips_run, "WORK", Work(refuse_to_plan, fly_flight))
+    with pytest.raises(InputError, match="planner.solver = 'none'") as caught:
+        run_flips([Flip(Scenario(), "pd")], tmp_path)
+    assert caught.value.field == "planner.solver"
+
+
 COMMAND = [
     sys.executable,
     "-m",
-    "flipdiagram.cli.main",
+    "flipdiagram",
     "experiment",
     "--starts",
     "0",
@@ -307,9 +314,7 @@ def finished(folder):
         return {}
     connection = sqlite3.connect(f"file:{folder / 'runs.sqlite'}?mode=ro", uri=True, timeout=5)
     try:
-        return {
-            key: (seconds, text) for _, key, _, _, text, seconds in connection.execute("SELECT rowid, * FROM flips")
-        }
+        return {key: rest for key, *rest in connection.execute("SELECT * FROM trials")}
     except sqlite3.OperationalError:  # the table is not there yet
         return {}
     finally:

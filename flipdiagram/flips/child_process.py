@@ -1,7 +1,8 @@
 """Calls made in a child process that may hang, crash or leak: it is killed, noticed or replaced.
 
 A thread owns one child and makes one call at a time, so a crash takes no other call with it.  Threads of this process
-and of Dask's workers use the same function, `in_child`: both engines have the same time-outs, isolation and memory.
+and of Dask's workers use the same function, `in_child`: both have the same time-outs, isolation and memory.  What
+becomes of the trial whose call ends so is decided in `retries`.
 A child is a plain subprocess on a socket pair: nothing listens, and it may be started where daemons may not fork.
 """
 
@@ -19,6 +20,8 @@ from contextlib import suppress
 from importlib import import_module
 from multiprocessing.connection import Connection
 from typing import Any
+
+from flipdiagram.errors import FlipdiagramError
 
 RECYCLED_AFTER = 60
 """Calls after which a child is replaced: Drake never frees a Python system, 2 to 3 MB a flip."""
@@ -41,34 +44,36 @@ class WorkerLostError(Exception):
 
 
 class TrialError(Exception):
-    """The call raised an exception, which stands in the message."""
+    """The call raised an exception, which stands in the message; `error` is that exception where it is one of ours."""
+
+    error: FlipdiagramError | None = None
 
 
 class Child:
     """One child process; `call` is for one thread at a time."""
 
     def __init__(self) -> None:
-        ours, theirs = socket.socketpair()
+        parent_end, child_end = socket.socketpair()
         alive_read, self._alive = os.pipe()  # the child sees its end close when this process is gone
-        program = f"from flipdiagram.flips.children import serve; serve({theirs.fileno()}, {alive_read})"
+        program = f"from flipdiagram.flips.child_process import serve; serve({child_end.fileno()}, {alive_read})"
         environment = os.environ | {name: "1" for name in THREADS}
         environment["PYTHONPATH"] = os.pathsep.join(path for path in sys.path if path)
         try:
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-c", program],
-                pass_fds=(theirs.fileno(), alive_read),
+                pass_fds=(child_end.fileno(), alive_read),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 env=environment,
             )
         except BaseException:
             os.close(self._alive)
-            ours.close()
+            parent_end.close()
             raise
         finally:
-            theirs.close()
+            child_end.close()
             os.close(alive_read)
-        self._connection = Connection(ours.detach())
+        self._connection = Connection(parent_end.detach())
         self._closing = threading.Lock()
         self._closed = False
         self.calls = 0
@@ -102,13 +107,15 @@ class Child:
             if not self._connection.poll(timeout):
                 self.close()
                 raise TrialTimeoutError(f"took longer than {timeout:g} s")
-            good, value = self._connection.recv()
+            value, failure, error = self._connection.recv()
         except (EOFError, OSError):
             self.close()
             code = self._process.returncode
             raise WorkerLostError(f"the worker process ended unexpectedly (exit code {code})") from None
-        if not good:
-            raise TrialError(value)
+        if failure is not None:
+            lost = TrialError(failure)
+            lost.error = error
+            raise lost
         return value
 
     def kill(self) -> None:
@@ -182,12 +189,14 @@ def serve(connection_fd: int, alive_fd: int) -> None:
             connection.send(_answer(connection.recv_bytes()))
 
 
-def _answer(message: bytes) -> tuple[bool, Any]:
+def _answer(message: bytes) -> tuple[Any, str | None, FlipdiagramError | None]:
+    """(what the call returned, None, None) or (None, what it raised in one line, that error where it is ours)."""
     try:
         function, arguments = pickle.loads(message)  # from the parent's end of a socket pair, never from a file
-        return True, function(*arguments)
+        return function(*arguments), None, None
     except Exception as error:  # whatever it is: the outcome of this trial, not the end of the campaign
-        return False, " ".join(f"{type(error).__name__}: {error}".split())
+        text = " ".join(f"{type(error).__name__}: {error}".split())
+        return None, text, error if isinstance(error, FlipdiagramError) else None
 
 
 def _load(module: str) -> None:

@@ -1,8 +1,13 @@
-"""What became of a trial, in one word; and how a failed flip failed."""
+"""What became of a flip: what was measured, or why there is nothing; its kind in one word, and as a plain row."""
 
 from __future__ import annotations
 
-from flipdiagram.simulation.metrics import FlipMetrics
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from flipdiagram.simulation.metrics import FlipMetrics, Touchdown
 
 SUCCESS = "turned over"
 MODES = (
@@ -29,6 +34,8 @@ came first; saturation after that is a consequence.  A flip that succeeds with s
 """
 NOT_PHYSICS = ("timeout", "crashed", "refused")
 """Outcomes that say nothing about the controller: they are not counted as trials of it."""
+LOST = ("timeout", "crashed")
+"""Outcomes of which another run may make something else."""
 LIMITED = 0.02
 """Time [s] for which torque may be at its limit without being the reason of a failure.
 
@@ -57,3 +64,35 @@ def mode_of(failure: str | None, metrics: FlipMetrics | None) -> str:
         if failure.startswith(start):
             return mode
     return "refused"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a flip: its metrics, or why there are none ("no plan: …", "diverged: …")."""
+
+    metrics: FlipMetrics | None
+    failure: str | None
+    plan: Mapping[str, Any] | None = None
+    """The plan's summary."""
+
+    @property
+    def success(self) -> bool:
+        """Whether the block was turned over."""
+        return self.metrics is not None and self.metrics.success
+
+    @property
+    def mode(self) -> str:
+        """One of `MODES`."""
+        return mode_of(self.failure, self.metrics)
+
+    @classmethod
+    def from_row(
+        cls, metrics: Mapping[str, Any] | None, failure: str | None, plan: Mapping[str, Any] | None
+    ) -> Outcome:
+        """The outcome whose metrics are stored as plain data, where null stands for nan."""
+        if metrics is None:
+            return cls(None, failure, plan)
+        values: dict[str, Any] = {name: math.nan if value is None else value for name, value in metrics.items()}
+        del values["torque_use"]  # kept beside them
+        values |= {"touchdown": metrics["touchdown"] and Touchdown(**metrics["touchdown"]), "failure": failure}
+        return cls(FlipMetrics(**values), failure, plan)
