@@ -21,7 +21,7 @@ from flipdiagram.studies.frequency import realisations
 from flipdiagram.studies.frequency.broadband import Spectrum, noise_spectrum
 from flipdiagram.studies.frequency.claims import Claim, acceleration_gain, evaluate, phase
 from flipdiagram.studies.frequency.curves import curves_of, friction_curves, torque_of
-from flipdiagram.studies.frequency.laboratory import Compiling, Factory, Kind, Laboratory, Loop, Measured
+from flipdiagram.studies.frequency.laboratory import Factory, Kind, Laboratory, Loop, Measured
 from flipdiagram.studies.frequency.realisations import Realisation
 from flipdiagram.studies.frequency.sweep import Response
 
@@ -108,17 +108,16 @@ def run(
     rough = None if quick else _other_friction(settings, study)
     everything = [laboratory, *([rough] if rough else []), *rooms.values()]
     laboratory.stable(laboratory.loops(sorted({settings.g_dis, *study.g_dis})))
-    with Compiling(everything):
-        measured = realisations.measure_all(laboratory, progress)
-        progress("responses to broadband noise")
-        loops = [loop for loop in measured.noise if loop[0] != "pd+ff+dob" or loop[1] == settings.g_dis]
-        spectra = {loop: noise_spectrum(laboratory, loop) for loop in loops}
-        other = None
-        if rough is not None:
-            progress(f"responses with {rough.settings.friction_model} friction")
-            found = rough.command(rough.loops((settings.g_dis,)), study.frequencies(), friction=True)
-            other = Measured(rough.settings, study, friction=found)
-        rows = realisations.table(rooms, progress)
+    measured = realisations.measure_all(laboratory, progress)
+    progress("responses to broadband noise")
+    loops = [loop for loop in measured.noise if loop[0] != "pd+ff+dob" or loop[1] == settings.g_dis]
+    spectra = {loop: noise_spectrum(laboratory, loop) for loop in loops}
+    other = None
+    if rough is not None:
+        progress(f"responses with {rough.settings.friction_model} friction")
+        found = rough.command(rough.loops((settings.g_dis,)), study.frequencies(), friction=True)
+        other = Measured(rough.settings, study, friction=found)
+    rows = realisations.table(rooms, progress)
     progress("what unsteady responses do")
     unsteady = unsteady_responses(laboratory, measured)
     if rough is not None and other is not None:
