@@ -151,13 +151,22 @@ def test_a_model_file_counts_by_its_content(tmp_path):
 
 def test_the_sources_of_a_flip_are_what_simulation_and_metrics_import():
     needed = {name.split(".")[1] for name in closure("simulation.simulate", "simulation.metrics")}
-    # the words of an error, and how a file is written, change no number
-    assert needed - {"errors", "files"} == set(SOURCES)
+    # names of types, the words of an error, and how a file is written change no number
+    assert needed - {"arrays", "errors", "files"} == set(SOURCES)
 
 
 def test_the_sources_of_section_iii_are_what_it_imports():
     """Beyond the 1-DOF loop its imports reach the arm, but through code that the study never calls."""
-    never_called = ("robot", "planning", "diagrams.controller", "diagrams.replacement", "errors", "files", "flips")
+    never_called = (
+        "robot",
+        "planning",
+        "diagrams.controller",
+        "diagrams.replacement",
+        "arrays",
+        "errors",
+        "files",
+        "flips",
+    )
     for module in sorted(closure("studies.frequency.run", without=never_called)):
         parts = module.split(".")[1:]
         assert any("/".join(parts[:n]) in frequency.SOURCES for n in range(1, len(parts) + 1)) or parts in (

@@ -27,7 +27,16 @@ from flipdiagram.studies.frequency.sweep import Response
 
 QUICK = {"frequency.lowest": 1.0, "frequency.count": 24, "frequency.torque_count": 9, "frequency.noise_time": 20.0}
 """The scenario of a quick run; it also leaves out the table of realisations and the other friction model."""
-SOURCES = ("blocks", "compiled", "diagrams/one_dof", "plants", "scenario", "studies/frequency", "theory")
+SOURCES = (
+    "blocks",
+    "compiled",
+    "diagrams/arrows",
+    "diagrams/one_dof",
+    "plants",
+    "scenario",
+    "studies/frequency",
+    "theory",
+)
 """Modules whose code decides what this study measures."""
 Progress = Callable[[str], None]
 
