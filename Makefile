@@ -1,10 +1,17 @@
 # make flip    install and run the main job: plan, simulate four controllers, figures, replay  -> out/turnover
-# make test    install, lint, and pass the tests
-# make lint    ruff and mypy only         make bench   speed, against the targets  -> out/bench
+# make test    install, and pass the tests
+# make lint    ruff, mypy and import-linter
+# make bench   speed, against the targets  -> out/bench
 # make docs    API reference from the docstrings  -> out/docs
 # make report  run the studies, write the report, copy its tables and pictures into README.md and docs/  -> out/report
 # make clean   remove results, caches and build products; the .venv* folders stay
+# make constraints   the newest versions of all that is installed  -> constraints/X.Y.txt, for this Python X.Y
 # Another Python:  make test PYTHON=python3.12   (a name or a path)
+#
+# Lint is no part of `make test`: a user wants to know whether the package works here, whatever a checker thinks of the
+# types that a library published last night.  .ci/run does both, with every Python whose versions are kept.
+# constraints/X.Y.txt holds the versions that the tests passed with, so that a fresh install of next year gets what was
+# tested.  A Python without such a file, or an index without one of those versions, gets the newest that pyproject.toml allows.
 
 PYTHON ?= python3
 OUT ?= out
@@ -19,14 +26,22 @@ TESTABLE := $(VENV)/.installed-test
 BENCHABLE := $(VENV)/.installed-bench
 DOCUMENTABLE := $(VENV)/.installed-docs
 
-.PHONY: flip test lint bench docs report clean python programs
+CONSTRAINTS := $(wildcard constraints/$(version).txt)
+
+# $(call install,[EXTRAS]): this package, editable, with the tested versions where they can be had.
+pip_install = $(RUN) -m pip install --quiet
+install = $(if $(CONSTRAINTS),$(pip_install) --constraint $(CONSTRAINTS) --editable '.$(1)' \
+	  || { echo "cannot install the versions in $(CONSTRAINTS); taking the newest" >&2; $(pip_install) --editable '.$(1)'; }, \
+	  $(pip_install) --editable '.$(1)')
+
+.PHONY: flip test lint bench docs report clean constraints python programs
 .DELETE_ON_ERROR:
 
 flip: $(INSTALLED)
-	$(RUN) -m flipdiagram.cli.main flip --out $(OUT)/turnover
+	$(RUN) -m flipdiagram flip --out $(OUT)/turnover
 
-test: lint programs
-	$(RUN) -m pytest -n 2 --dist loadfile
+test: $(TESTABLE) programs
+	$(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder  # a file's tests share what is costly
 
 lint: $(TESTABLE)
 	$(RUN) -m ruff check .
@@ -42,27 +57,33 @@ docs: $(DOCUMENTABLE)
 	$(RUN) docs/build.py --out $(OUT)/docs
 
 report: $(TESTABLE)
-	$(RUN) -m flipdiagram.cli.main report --out $(OUT)/report
+	$(RUN) -m flipdiagram report --out $(OUT)/report
 	$(RUN) docs/publish.py $(OUT)/report
 
 clean:
-	rm -rf out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
+	rm -rf out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .grimp_cache .import_linter_cache *.egg-info
 	find flipdiagram tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
-$(INSTALLED): pyproject.toml | python
-	$(RUN) -m pip install --quiet --editable .
+constraints: python
+	$(pip_install) --upgrade --upgrade-strategy eager --editable '.[test]'
+	@mkdir -p $@
+	{ echo "# make constraints PYTHON=python$(version); then make lint test, and commit"; \
+	  $(RUN) -m pip freeze --exclude-editable; } > $@/$(version).txt
+
+$(INSTALLED): pyproject.toml $(CONSTRAINTS) | python
+	$(call install)
 	@touch $@
 
-$(TESTABLE): pyproject.toml | python
-	$(RUN) -m pip install --quiet --editable '.[test]'
+$(TESTABLE): pyproject.toml $(CONSTRAINTS) | python
+	$(call install,[test])
 	@touch $@ $(INSTALLED)
 
-$(DOCUMENTABLE): pyproject.toml | python
-	$(RUN) -m pip install --quiet --editable '.[docs]'
+$(DOCUMENTABLE): pyproject.toml $(CONSTRAINTS) | python
+	$(call install,[docs])
 	@touch $@ $(INSTALLED)
 
-$(BENCHABLE): pyproject.toml | python
-	$(RUN) -m pip install --quiet --editable '.[bench]'
+$(BENCHABLE): pyproject.toml $(CONSTRAINTS) | python
+	$(call install,[bench])
 	@$(RUN) -m pip install --quiet --editable '.[bench-peers]' \
 	  || echo "could not install all simulators to compare with; make bench names those that are missing" >&2
 	@touch $@ $(INSTALLED)

@@ -107,9 +107,9 @@ def campaign(jobs: int, trials: int, short: bool) -> dict[str, Any]:
     """Fly one campaign here and read its times from its rows."""
     begin = time.perf_counter()
     from flipdiagram.campaign.checks import from_text
-    from flipdiagram.campaign.conduct import run
-    from flipdiagram.campaign.opening import opened
-    from flipdiagram.flips import children
+    from flipdiagram.campaign.run import run
+    from flipdiagram.flips import child_process
+    from flipdiagram.flips.store_file import open_to_read
 
     text = SPECIFICATION.format(trials=trials)
     if short:
@@ -123,7 +123,7 @@ def campaign(jobs: int, trials: int, short: bool) -> dict[str, Any]:
 
     def look(progress: str) -> None:
         clock.append((time.perf_counter(), time.process_time()))
-        for pid in children.children():
+        for pid in child_process.children():
             begun.add(pid)
             seen.append((pid, _resident(pid)))
             spent[pid] = processor_time(pid)
@@ -133,8 +133,8 @@ def campaign(jobs: int, trials: int, short: bool) -> dict[str, Any]:
 
     with tempfile.TemporaryDirectory() as folder:
         specification = from_text(text)
-        file = run(specification, Path(folder), jobs=jobs, progress=look, yes=True, any_version=True).file
-        with opened(file) as results:
+        file = run(specification, Path(folder), jobs=jobs, progress=look, any_version=True).file
+        with open_to_read(file) as results:
             rows = sorted(results.rows(), key=lambda row: row.finished)
         row_time = _row_time(Path(folder) / "row")
     first = clock[1]  # the first call is the announcement
@@ -168,14 +168,14 @@ def _parts() -> dict[str, float]:
     from flipdiagram.planning import plan_motion
     from flipdiagram.scenario.scenario import Scenario
     from flipdiagram.simulation import metrics
-    from flipdiagram.simulation.simulate import simulate
+    from flipdiagram.simulation.simulate import simulate_loop
 
     scenario = Scenario()
     motion = plan_motion(scenario)
     a = time.perf_counter()
     loop = build_loop(scenario, "pd+ff+dob", record=True)
     b = time.perf_counter()
-    flown = simulate(scenario, "pd+ff+dob", motion, loop=loop)
+    flown = simulate_loop(loop, motion)
     c = time.perf_counter()
     metrics.measure(flown.recording)
     return {"build": b - a, "simulate": c - b, "measure": time.perf_counter() - c}
@@ -183,12 +183,10 @@ def _parts() -> dict[str, float]:
 
 def _row_time(path: Path) -> float:
     """Seconds to put a row on the disk."""
-    from flipdiagram.campaign.checks import from_text
-    from flipdiagram.campaign.opening import begun
-    from flipdiagram.campaign.results import Row
+    from flipdiagram.flips.store import Row
+    from flipdiagram.flips.store_file import open_to_write
 
-    specification = from_text(SPECIFICATION.format(trials=2))
-    with begun(path, specification, {"code": "", "versions": "{}", "begun": ""}, resume=False) as results:
+    with open_to_write(path, {"digest": ""}) as results:
         begin = time.perf_counter()
         for k in range(50):
             text = "x" * 2000

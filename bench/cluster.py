@@ -20,8 +20,8 @@ from typing import Any
 
 from bench.processes import fresh, processor_time
 from bench.results import Section
-from flipdiagram.flips.flips import Outcome
-from flipdiagram.flips.work import Flight, Landed, Planned, Work, provenance
+from flipdiagram.flips.flight import Flight, Landed, Planned, Work, provenance
+from flipdiagram.flips.outcome import Outcome
 from flipdiagram.scenario.scenario import Scenario
 
 TRIALS = 1000
@@ -52,7 +52,7 @@ def plan_nothing(believed: Scenario) -> Planned:
     return "plan", None
 
 
-def fly_nothing(flight: Flight) -> Landed:
+def fly_nothing(flight: Flight, plan: str) -> Landed:
     """A trial without a flip."""
     return Landed(Outcome(None, NOTHING), None, 0.0, *provenance())
 
@@ -108,8 +108,8 @@ def campaign(trials: int) -> dict[str, Any]:
     """Processor times and wall time per trial, from the tenth of the trials on [s]."""
     from bench.cluster import WORK as work  # by the name that workers know, which `__main__` is not
     from flipdiagram.campaign.checks import from_text
-    from flipdiagram.campaign.conduct import run
-    from flipdiagram.campaign.opening import opened
+    from flipdiagram.campaign.run import run
+    from flipdiagram.flips.store_file import open_to_read
 
     clock: dict[int, tuple[float, ...]] = {}
     """By the number of trials that have ended."""
@@ -121,8 +121,8 @@ def campaign(trials: int) -> dict[str, Any]:
                 clock[int(found[1])] = times
 
         specification = from_text(SPECIFICATION.format(trials=trials))
-        ended = run(specification, Path(name) / "campaign", scheduler=address, work=work, progress=look, yes=True)
-        with opened(ended.file) as results:
+        ended = run(specification, Path(name) / "campaign", scheduler=address, work=work, progress=look)
+        with open_to_read(ended.file) as results:
             if not all(row.failure == NOTHING for row in results.rows()):
                 raise RuntimeError("trials on the cluster did not end as they should")
     begin, end = min(k for k in clock if k >= trials // 10), max(clock)

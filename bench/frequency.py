@@ -22,31 +22,32 @@ from bench.processes import Watched, fresh, watch
 from bench.results import Section, Target
 from bench.timing import in_turn, ratios, timed
 from flipdiagram.compiled import CompiledDiagram
+from flipdiagram.compiled.vectors import LANES
 
 RATE, OF_HAND_WRITTEN, OF_JAXONOMY, OF_OTHERS = (Target(">=", v) for v in (30e6, 0.8, 4.0, 5000.0))
 TWO_CORES, COMPILE, CACHED = Target(">=", 1.8), Target("<", 3.0), Target("<", 0.3)
 FLAT = Target("<", 1.25)
-"""Dearest by cheapest channel-step, 1 to 10 000 channels: what is called flat here."""
+"""Dearest by cheapest channel-step, 8 to 10 000 channels: what is called flat here."""
 WALL, MEMORY = Target("<", 30.0), Target("<", 1e9)
 AGREE = 1e-9
 """Largest difference of x from the compiled diagram's, relative to the largest |x| of the channel."""
 CHECKED, CHECKED_TICKS = np.array([3.0, 30.0, 300.0]), 1000
 STEPS, CHANNELS = 4_000_000, 100
-VECTORS, VECTORS_ALL = "compiled diagram, vectorised", "compiled diagram, vectorised, all cores"
+EXACT = "compiled diagram, exact"
 LONGER = 8
 """Times as many ticks for what would be over in 8 ms."""
 LATE = 1_000_000
-"""First tick of runs compared by channels: sines of small angles, which only short runs have, are cheap."""
+"""First tick of runs compared by channels, so that short runs have angles as large as those of long ones."""
 SIZES = {"jaxonomy_loop": ((400, 2500), (1600, 1000), (6400, 250))}
 """Channels and ticks to time; one channel, 1000 ticks where a contender runs one at a time."""
-MANY = (1, 3, 10, 30, 100, 300, 1000, 3000, 10_000)
+MANY = (1, 8, 32, 104, 304, 1000, 3000, 10_000)
 TEXT = (
     "One mass under gravity, PD + feed-forward + disturbance observer, sinusoidal command, 0.1 ms, exact plant;"
     " channels differ in frequency, 1 to 300 rad/s. Rates in channel-steps per second, no log, on one thread"
     " (jaxonomy as it comes, on all cores: its ratio is to the compiled diagram on all cores), all in turn in"
     " one process; a ratio is of neighbours in time. Meters: lock-in, peak of x"
-    " and of the force, RMS error. Vectorised: compile_diagram(..., vectorize=True), whose sin and cos are not the C"
-    " library's: not bit for bit Drake's, as the compiled diagram is otherwise."
+    " and of the force, RMS error. Exact: compile_diagram(..., exact=True), with the C"
+    " library's sin and cos as Drake has them, instead of our own."
     " The compiled diagram, the hand-written loop and jaxonomy run all channels at"
     " once, the others one after another. Built, jitted and run once before the clock starts."
 )
@@ -57,45 +58,35 @@ def measure(repetitions: int) -> Section:
     section = Section("The 1-DOF loop, compiled and elsewhere", TEXT)
     numbers = Numbers()
     bare, metered = compile_loop(numbers, meters=False), compile_loop(numbers, meters=True)
-    vectors = {meters: compile_loop(numbers, meters=meters, vectorize=True) for meters in (False, True)}
+    exact = compile_loop(numbers, meters=False, exact=True)
     tasks, notes = contenders(numbers, bare)
     ticks, omega = STEPS // CHANNELS, frequencies(CHANNELS)
-    given: dict[str, Any] = {"omega": omega}
+    given: dict[str, Any] = {"parameters": {"omega": omega}}
     by_hand = hand_written.prepare_metered(numbers, omega, ticks)
-    sums = by_hand()
-    worst = max(_meters_differ(loop.run(ticks, parameters=given), sums) for loop in (metered, vectors[True]))
-    notes.append(_checked(VECTORS, trajectories(vectors[False], CHECKED, CHECKED_TICKS), bare))
+    worst = _meters_differ(metered.run(ticks, **given), by_hand())
+    notes.append(_checked(EXACT, trajectories(exact, CHECKED, CHECKED_TICKS), bare))
+    long, steps = LONGER * ticks, LONGER * STEPS
     tasks |= {
-        "compiled diagram": _rate(lambda: bare.run(ticks, parameters=given, threads=1), STEPS),
-        "compiled diagram, all cores": _rate(lambda: bare.run(2 * ticks, parameters=given), 2 * STEPS),
-        "compiled diagram, with meters": _rate(lambda: metered.run(ticks, parameters=given, threads=1), STEPS),
+        "compiled diagram": _rate(lambda: bare.run(long, threads=1, **given), steps),
+        "compiled diagram, all cores": _rate(lambda: bare.run(2 * long, **given), 2 * steps),
+        "compiled diagram, with meters": _rate(lambda: metered.run(long, threads=1, **given), steps),
+        EXACT: _rate(lambda: exact.run(ticks, threads=1, **given), STEPS),
         "hand-written numba loop, with meters": _rate(by_hand, STEPS),
-        VECTORS: _rate(lambda: vectors[False].run(LONGER * ticks, parameters=given, threads=1), LONGER * STEPS),
-        VECTORS_ALL: _rate(lambda: vectors[False].run(2 * LONGER * ticks, parameters=given), 2 * LONGER * STEPS),
-        f"{VECTORS}, with meters": _rate(
-            lambda: vectors[True].run(LONGER * ticks, parameters=given, threads=1), LONGER * STEPS
-        ),
     }
     two = (os.cpu_count() or 1) >= 2
     if two:
-        tasks["compiled diagram, with meters, two cores"] = _rate(
-            lambda: metered.run(2 * ticks, parameters=given, threads=2), 2 * STEPS
-        )
+        name = "compiled diagram, with meters, two cores"
+        tasks[name] = _rate(lambda: metered.run(2 * long, threads=2, **given), 2 * steps)
     for task in tasks.values():
         task()
     found = in_turn(tasks, repetitions)
-    whole = found["compiled diagram, all cores"]
-    own, with_meters = found.pop("compiled diagram"), found.pop("compiled diagram, with meters")
-    section.add("compiled diagram", own, "1/s")
-    section.add("compiled diagram, with meters", with_meters, "1/s", RATE)
+    whole, own, with_meters = (found[f"compiled diagram{more}"] for more in (", all cores", "", ", with meters"))
     for name, values in found.items():
-        section.add(name, values, "1/s")
+        section.add(name, values, "1/s", RATE if values is with_meters else None)
     section.add("compiled / hand-written", ratios(own, found[hand_written.NAME]), "x", OF_HAND_WRITTEN)
     by_hand_rates = found["hand-written numba loop, with meters"]
     section.add("compiled / hand-written, both with meters", ratios(with_meters, by_hand_rates), "x", OF_HAND_WRITTEN)
-    by_vectors = ratios(found[f"{VECTORS}, with meters"], by_hand_rates)
-    section.add("vectorised / hand-written, both with meters", by_vectors, "x", OF_HAND_WRITTEN)
-    section.add("vectorised / compiled", ratios(found[VECTORS], own), "x")
+    section.add("compiled / exact", ratios(own, found[EXACT]), "x")
     if two:
         both = found["compiled diagram, with meters, two cores"]
         section.add("two cores / one", ratios(both, with_meters), "x", TWO_CORES)
@@ -108,11 +99,8 @@ def measure(repetitions: int) -> Section:
     for kind, (name, values) in best.items():
         if "batch" in name:
             section.add(f"compiled, all cores / {kind}, best batch", ratios(whole, values), "x", OF_JAXONOMY)
-            by_vectors = ratios(found[VECTORS_ALL], values)
-            section.add(f"vectorised, all cores / {kind}, best batch", by_vectors, "x", OF_JAXONOMY)
         else:
             section.add(f"compiled / {name}", ratios(own, values), "x", OF_OTHERS)
-            section.add(f"vectorised / {name}", ratios(found[VECTORS], values), "x", OF_OTHERS)
     section.checks += notes
     section.checks.append(f"meters: sums of the hand-written loop and of the diagram differ by {worst:.0e} at most")
     return section
@@ -183,18 +171,21 @@ def _meters_differ(run: Any, sums: Array) -> float:
 def scaling(repetitions: int) -> Section:
     """Cost of a channel-step by the number of channels."""
     metered = compile_loop(Numbers(), meters=True)
-    text = "Compiled diagram with meters, one thread, 4 million channel-steps each, in turn; from t = 100 s on, as"
-    text += " sines of angles below 2.4 rad cost less, and only the short runs of many channels would have those."
+    text = "Compiled diagram with meters, one thread, 32 million channel-steps each (4 million of one), in turn; all"
+    text += " from t = 100 s on, since only short runs would have small angles. Judged from eight channels on,"
+    text += " which advance together: fewer cost as eight."
     section = Section("Cost of a channel-step by the number of channels", text)
 
     def cost(n: int) -> float:
         given = {"omega": frequencies(n)}
-        return timed(lambda: metered.run(STEPS // n, parameters=given, start=LATE, threads=1))[0] / (STEPS // n * n)
+        ticks = min(n, LANES) * STEPS // n
+        return timed(lambda: metered.run(ticks, parameters=given, start=LATE, threads=1))[0] / (ticks * n)
 
     found = in_turn({f"{n} channels": partial(cost, n) for n in MANY}, repetitions)
     for name, values in found.items():
         section.add(name, values)
-    dearest = [max(row) / min(row) for row in zip(*found.values(), strict=True)]
+    vectors = [values for n, values in zip(MANY, found.values(), strict=True) if n >= LANES]
+    dearest = [max(row) / min(row) for row in zip(*vectors, strict=True)]
     section.add("dearest / cheapest", dearest, "x", FLAT)
     medians = [1e9 * float(np.median(values)) for values in found.values()]
     section.plot = partial(_plot, medians)
@@ -207,7 +198,7 @@ def _plot(cost: list[float], folder: Path) -> None:
     figure = Figure(figsize=(5, 3), layout="constrained")
     axes = figure.subplots()
     axes.semilogx(MANY, cost, "o-")
-    axes.set(xlabel="channels", ylabel="ns per channel-step", ylim=(0, 1.3 * max(cost)))
+    axes.set(xlabel="channels", ylabel="ns per channel-step", ylim=(0, None))
     axes.grid(alpha=0.3)
     folder.mkdir(parents=True, exist_ok=True)
     figure.savefig(folder / "frequency_cost.png", dpi=150)
@@ -217,18 +208,16 @@ def compiling(repetitions: int) -> Section:
     """compile_diagram of the study's experiment in fresh processes: nothing kept, then from its cache."""
     text = "compile_diagram() of the study's loop with its meters and noise, in a fresh process, Drake imported before."
     section = Section("Compiling", text + " Reading, compiling or loading, and the replay against Drake's Simulator.")
-    kinds = {"": [], "vectorised": ["vectorize"]}
-    found: dict[tuple[str, bool], list[float]] = {(kind, cached): [] for kind in kinds for cached in (False, True)}
+    found: dict[str, list[float]] = {"compiled": [], "from the cache": []}
     for _ in range(repetitions):
         with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, FLIPDIAGRAM_CACHE_DIR=folder):
-            for (kind, cached), times in found.items():
-                result = fresh("bench.frequency", *kinds[kind])[1]
-                if result["from_cache"] is not cached:
+            for name, times in found.items():
+                result = fresh("bench.frequency")[1]
+                if result["from_cache"] is not (name == "from the cache"):
                     raise RuntimeError(f"from_cache = {result['from_cache']}")
                 times.append(result["seconds"])
-    for (kind, cached), times in found.items():
-        name = "from the cache" if cached else "compiled"
-        section.add(f"{name}, {kind}" if kind else name, times, target=CACHED if cached else COMPILE)
+    for name, times in found.items():
+        section.add(name, times, target=COMPILE if name == "compiled" else CACHED)
     return section
 
 
@@ -242,7 +231,7 @@ def study(repetitions: int, quick: bool) -> Section:
         with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, FLIPDIAGRAM_CACHE_DIR=folder):
             for name in runs:
                 with tempfile.TemporaryDirectory() as out:
-                    runs[name].append(watch([sys.executable, "-m", "flipdiagram.cli.main", *words, "--out", out]))
+                    runs[name].append(watch([sys.executable, "-m", "flipdiagram", *words, "--out", out]))
     for name, found in runs.items():
         section.add(f"wall time, {name}", [run.elapsed for run in found], target=None if quick else WALL)
     for name, found in runs.items():
@@ -260,7 +249,7 @@ def sections(repetitions: int, quick: bool) -> Iterator[Section]:
     yield measure(repetitions)
 
 
-def compile_once(vectorize: bool) -> dict[str, Any]:
+def compile_once() -> dict[str, Any]:
     """Seconds that compile_diagram takes in this process."""
     from flipdiagram.compiled import compile_diagram
     from flipdiagram.diagrams.one_dof import build_controller, build_experiment
@@ -269,11 +258,11 @@ def compile_once(vectorize: bool) -> dict[str, Any]:
     diagram = build_experiment(build_controller("pd+ff+dob", settings), settings, friction=True)
     tie = {"omega": [f"{box}.omega" for box in ("command", "noise", "lockin_x", "lockin_a")]}
     begin = time.perf_counter()
-    compiled = compile_diagram(diagram, tie=tie, vectorize=vectorize)
+    compiled = compile_diagram(diagram, tie=tie)
     return {"seconds": time.perf_counter() - begin, "from_cache": compiled.from_cache}
 
 
 if __name__ == "__main__":
     import json
 
-    print(json.dumps(compile_once(vectorize="vectorize" in sys.argv)))
+    print(json.dumps(compile_once()))

@@ -27,9 +27,10 @@ import pdoc.search
 from numpy import float64
 from numpy.typing import ArrayLike, NDArray
 from pydrake.systems.framework import System
-from pydrake.systems.scalar_conversion import TemplateSystem
 
 import flipdiagram
+from flipdiagram.blocks.block import Block
+from flipdiagram.scenario.text import Section, explain
 
 PRIVATE = r"!flipdiagram\.(.*\.)?_"
 """What pdoc leaves out: modules with a leading underscore."""
@@ -66,6 +67,7 @@ def build(out: Path) -> list[str]:
         module = importlib.import_module(name)
         show_templates(module)
         show_constructors(module)
+        show_units(module)
         show_submodules(module)
     text = f"flipdiagram {flipdiagram.__version__}"
     pdoc.render.configure(docformat="markdown", footer_text=text, math=False, mermaid=False, show_source=True)
@@ -87,26 +89,32 @@ def build(out: Path) -> list[str]:
 
 
 def show_templates(module: ModuleType) -> None:
-    """Let the float instance of each Drake template in the module look like the class its users know."""
-    for name, template in list(vars(module).items()):
-        if not isinstance(template, TemplateSystem) or template[None].__module__ != module.__name__:
+    """Let a box, which is Drake's template over float, look like the class that is written in the module."""
+    for name, box in list(vars(module).items()):
+        if not (isinstance(box, type) and "_construct" in vars(box) and box.__module__ == module.__name__):
             continue
-        instance = template[None]
-        vars(module).pop(instance.__name__, None)
-        instance.__name__ = instance.__qualname__ = name.removesuffix("_")
-        instance.__init__ = constructor(instance)
-        for method in [method for method in vars(instance) if method.startswith(CONVERSIONS)]:
-            delattr(instance, method)
+        if not name.isascii():  # Drake enters it by the name that only Python knows
+            del vars(module)[name]
+            continue
+        box.__name__ = box.__qualname__ = name
+        box.__init__ = constructor(box)  # type: ignore[misc]
+        for attribute, value in list(vars(box).items()):
+            if attribute == "scalar" or attribute.startswith(CONVERSIONS) or value is vars(Block).get(attribute):
+                delattr(box, attribute)
 
 
-def constructor(instance: Any) -> Any:
-    """The template's `_construct` as an `__init__`, less the argument that Drake passes to itself."""
-    construct = vars(instance)["_construct"]
-    signature = inspect.signature(construct)
-    own = [parameter for parameter in signature.parameters.values() if parameter.name != "converter"]
-    construct.__signature__ = signature.replace(parameters=own, return_annotation=inspect.Signature.empty)
-    construct.__name__, construct.__qualname__ = "__init__", f"{instance.__qualname__}.__init__"
-    return construct
+def constructor(box: type) -> Any:
+    """A method `__init__` with the arguments of the box."""
+
+    def __init__(self: Any) -> None:
+        raise NotImplementedError  # it is looked at, never called
+
+    signature = inspect.signature(box)
+    own = [inspect.Parameter("self", inspect.Parameter.POSITIONAL_OR_KEYWORD), *signature.parameters.values()]
+    described: Any = __init__
+    described.__signature__ = signature.replace(parameters=own, return_annotation=inspect.Signature.empty)
+    described.__qualname__ = f"{box.__qualname__}.__init__"
+    return described
 
 
 def show_constructors(module: ModuleType) -> None:
@@ -116,6 +124,14 @@ def show_constructors(module: ModuleType) -> None:
             own = vars(value).get("__init__")
             if own is not None and not own.__doc__:
                 own.__doc__ = "The arguments are described with the class."
+
+
+def show_units(module: ModuleType) -> None:
+    """Put the unit of a scenario's field behind its description."""
+    for value in vars(module).values():
+        if isinstance(value, type) and issubclass(value, Section) and value.__module__ == module.__name__:
+            for field in value.model_fields.values():
+                field.description = explain(field)
 
 
 def show_submodules(module: ModuleType) -> None:

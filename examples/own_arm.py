@@ -15,19 +15,16 @@ from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
 from typing import Any
 
-from flipdiagram.errors import FlipdiagramError
-from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.simulation.metrics import measure
-from flipdiagram.simulation.simulate import simulate
+from flipdiagram import FlipdiagramError, Scenario, measure, simulate
 
 
 def robot_file(name: str) -> str:
     """Path of a file of example-robot-data."""
     try:
-        found = [file for file in files("example-robot-data") or [] if str(file).endswith(name)]
+        (model,) = [file for file in files("example-robot-data") or [] if str(file).endswith(name)]
     except PackageNotFoundError:
         sys.exit("this example needs the arms of a package: pip install example-robot-data")
-    return str(Path(str(found[0].locate())).resolve())
+    return str(Path(str(model.locate())).resolve())
 
 
 UR5 = {
@@ -63,7 +60,7 @@ for name, fields in CASES.items():
     except FlipdiagramError as error:
         print(f"{name}: {error}")
         continue
-    found = measure(flip.recording)
-    verdict = "turned over" if found.success else found.failure
-    angle = f" at {found.touchdown.theta_rad:.2f} rad" if found.touchdown else ""
-    print(f"{name}: {verdict}{angle}, slip {1000 * found.max_slip_m:.1f} mm, J = {flip.plan.cost:.3f}")
+    metrics = measure(flip.recording)
+    verdict = "turned over" if metrics.success else metrics.failure
+    angle = f" at {metrics.touchdown.theta_rad:.2f} rad" if metrics.touchdown else ""
+    print(f"{name}: {verdict}{angle}, slip {1000 * metrics.max_slip_m:.1f} mm, J = {flip.plan.cost:.3f}")

@@ -14,9 +14,9 @@ from pydrake.math import min as smaller
 from pydrake.systems.framework import BasicVector_, LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from flipdiagram import Scenario
 from flipdiagram.diagrams.one_dof import build_controller
 from flipdiagram.scenario.one_dof import OneDof
-from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.studies.frequency.claims import acceleration_gain, phase
 from flipdiagram.studies.frequency.laboratory import Factory
 from flipdiagram.studies.frequency.run import compare

@@ -9,11 +9,11 @@ Every name is loaded at its first use, so that importing the package, and the co
 """
 
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from flipdiagram.compiled import CompiledDiagram, compile_diagram
+    from flipdiagram.diagrams.controller import build_controller
     from flipdiagram.diagrams.loop import Loop, build_loop
     from flipdiagram.drawing import Drawing, draw
     from flipdiagram.errors import (
@@ -24,13 +24,14 @@ if TYPE_CHECKING:
         ScenarioError,
         SimulationError,
     )
+    from flipdiagram.files import __version__ as __version__
     from flipdiagram.planning import Plan, plan_motion
     from flipdiagram.results.comparison import Comparison, compare
     from flipdiagram.results.info import info
     from flipdiagram.results.opening import open_result
     from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, load
     from flipdiagram.simulation.metrics import FlipMetrics, measure
-    from flipdiagram.simulation.simulate import Run, simulate
+    from flipdiagram.simulation.simulate import Run, simulate, simulate_loop
 
 __all__ = [
     "ARCHITECTURES",
@@ -48,6 +49,7 @@ __all__ = [
     "Scenario",
     "ScenarioError",
     "SimulationError",
+    "build_controller",
     "build_loop",
     "compare",
     "compile_diagram",
@@ -58,22 +60,20 @@ __all__ = [
     "open_result",
     "plan_motion",
     "simulate",
+    "simulate_loop",
 ]
-
-try:
-    __version__ = version("flipdiagram")
-except PackageNotFoundError:  # run from a checkout that was never installed
-    __version__ = "0+unknown"
 
 _ROOMS = {
     "compiled": ("CompiledDiagram", "compile_diagram"),
+    "diagrams.controller": ("build_controller",),
     "diagrams.loop": ("Loop", "build_loop"),
     "drawing": ("Drawing", "draw"),
+    "files": ("__version__",),
     "planning": ("Plan", "plan_motion"),
     "results": ("Comparison", "compare", "info", "open_result"),
     "scenario.scenario": ("ARCHITECTURES", "Scenario", "load"),
     "simulation.metrics": ("FlipMetrics", "measure"),
-    "simulation.simulate": ("Run", "simulate"),
+    "simulation.simulate": ("Run", "simulate", "simulate_loop"),
 }
 _HOMES = dict.fromkeys((name for name in __all__ if name.endswith("Error")), "flipdiagram.errors")
 _HOMES |= {name: f"flipdiagram.{room}" for room, names in _ROOMS.items() for name in names}
@@ -83,7 +83,7 @@ def __getattr__(name: str) -> Any:
     """Load a public name from its room (PEP 562)."""
     if name not in _HOMES:
         raise AttributeError(f"module 'flipdiagram' has no attribute '{name}'")
-    if name == "simulate":
+    if name in ("simulate", "simulate_loop"):
         import_module("flipdiagram.results")  # gives recordings their accessor `flip`
     value = globals()[name] = getattr(import_module(_HOMES[name]), name)
     return value

@@ -10,15 +10,19 @@ import platform
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from pydantic import BaseModel
-
-from flipdiagram import __version__
 from flipdiagram.errors import InputError
+
+if TYPE_CHECKING:  # the command line imports this module before it knows whether it needs them
+    from pydantic import BaseModel
+
+try:
+    __version__ = version("flipdiagram")
+except PackageNotFoundError:  # run from a checkout that was never installed
+    __version__ = "0+unknown"
 
 
 @contextmanager
@@ -72,23 +76,14 @@ def versions() -> dict[str, str]:
 def check_output_directory(path: str | os.PathLike[str]) -> Path:
     """The folder as a Path if files can be written there, else InputError; leaves nothing behind."""
     folder = Path(path)
-    made: list[Path] = []
     try:
-        missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
-        for parent in reversed(missing):
-            parent.mkdir()
-            made.append(parent)
         # trying beats asking: access() says yes to root even on read-only file systems
-        with tempfile.TemporaryFile(dir=folder):
+        with _folder(folder), tempfile.TemporaryFile(dir=folder):
             pass
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
-        reason = getattr(error, "strerror", None) or error
-        message = f"--out = '{folder}' cannot be written: {reason}; valid is a writable folder"
-        raise InputError(message) from None
-    finally:
-        for parent in reversed(made):
-            with suppress(OSError):  # another process may have begun to use it
-                parent.rmdir()
+        reason, valid = getattr(error, "strerror", None) or error, "a writable folder"
+        message = f"--out = '{folder}' cannot be written: {reason}; valid is {valid}"
+        raise InputError(message, field="--out", value=folder, valid=valid) from None
     return folder
 
 
@@ -99,39 +94,42 @@ def sole_use(path: str | os.PathLike[str]) -> Iterator[None]:
     Makes the folder; what it made and the run left empty goes again. InputError where another run has the folder.
     """
     folder = Path(path)
+    with _folder(folder):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            try:  # the system lets go of the lock when the handle is closed or the process ends
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                valid = "another folder, or this one once it has ended"
+                message = f"--out = '{folder}' is in use by another run; valid is {valid}"
+                raise InputError(message, field="--out", value=folder, valid=valid) from None
+            except OSError:
+                pass  # a file system without locks
+            yield
+        finally:
+            os.close(handle)
+
+
+@contextmanager
+def _folder(folder: Path) -> Iterator[None]:
+    """Make a folder; what was made, and is empty when the `with` block ends, goes again."""
     made = [parent for parent in (folder, *folder.parents) if not parent.exists()]
-    folder.mkdir(parents=True, exist_ok=True)
-    handle = os.open(folder, os.O_RDONLY)
     try:
-        _lock(handle, folder)
+        folder.mkdir(parents=True, exist_ok=True)
         yield
     finally:
-        os.close(handle)
         for parent in made:
-            with suppress(OSError):  # not empty
+            with suppress(OSError):  # not empty, or never made
                 parent.rmdir()
-
-
-def _lock(handle: int, folder: Path) -> None:
-    """Lock an open folder; the system lets go of it when the handle is closed or the process ends."""
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        message = f"--out = '{folder}' is in use by another run; valid is another folder, or this one once it has ended"
-        raise InputError(message) from None
-    except OSError:
-        return  # a file system without locks
 
 
 def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return _plain(value.item())
+    if hasattr(value, "tolist"):  # arrays and numbers of NumPy
+        return _plain(value.tolist())
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

@@ -1,13 +1,14 @@
-"""Recordings made up for tests of pictures: smooth motions in the format of `simulate.py`, without any physics engine."""
+"""Recordings made up for tests of pictures: smooth motions, written as `simulate` writes them, without any physics."""
 
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
-import xarray as xr
 from scipy.interpolate import CubicSpline
 
-from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
+from flipdiagram.simulation.recording import assemble
 
 RELEASE, MOTION, TOUCHDOWN, END = 0.5, 0.75, 0.72, 1.2
 DROP = {"pd": 0.15, "pd+ff": 0.20}  # [s] when these two lose the block
@@ -44,14 +45,12 @@ def recording(architecture="pd+ff+dob"):
     knots = np.arange(t[0], t[-1] + 0.01, 0.02)
     at_knots = command(knots - lag) - np.array([0.0, sag, 0.0])
     rest = np.tile([scenario.task.start_x, 0.0, 0.0], (len(knots), 1))
-    joints = ArmModel(tool_height=thickness / 2).inverse_kinematics_path(np.hstack([at_knots, rest]), tol=1e-6)
+    arm = arm_of(scenario)
+    joints = arm.inverse_kinematics_path(np.hstack([at_knots, rest]), tol=1e-6)
     spline = CubicSpline(knots, joints)
     q, qd = spline(t), spline(t, 1)
 
-    normal = np.column_stack([-np.sin(x[:, 2]), np.cos(x[:, 2])])
     across = np.full((len(t), 1), scenario.task.start_x)
-    tool_pose = np.hstack([quaternion(x[:, 2]), across, x[:, :2] - normal * thickness / 2])
-
     leave = DROP.get(architecture, RELEASE)
     k = int(np.searchsorted(t, leave))
     v = np.gradient(x, 1e-3, axis=0)
@@ -65,48 +64,16 @@ def recording(architecture="pd+ff+dob"):
         block[first:] = [block[first, 0], table + thickness / 2, turned]
     block_pose = np.hstack([quaternion(block[:, 2]), across, block[:, :2]])
 
-    a_cmd = np.gradient(np.gradient(x_cmd, 1e-3, axis=0), 1e-3, axis=0)
+    v_cmd = np.gradient(x_cmd, 1e-3, axis=0)
     torque = np.cos(3 * np.outer(t, np.arange(1, 7))) * [20, 120, 40, 5, 8, 2]
     force = np.zeros((len(t), 3, 3))
     force[t < leave, 0] = [0.0, 0.2, 0.6]
     force[lying, 1] = [0.0, 0.0, 0.6]
-    per_axis, per_joint, per_pose = ("time", "axis"), ("time", "joint"), ("time", "pose")
-    variables = {
-        "x_cmd": (per_axis, x_cmd, "m, m, rad"),
-        "v_cmd": (per_axis, np.gradient(x_cmd, 1e-3, axis=0), "m/s, m/s, rad/s"),
-        "a_cmd": (per_axis, a_cmd, "m/s^2, m/s^2, rad/s^2"),
-        "x": (per_axis, x, "m, m, rad"),
-        "v": (per_axis, v, "m/s, m/s, rad/s"),
-        "a": (per_axis, np.gradient(v, 1e-3, axis=0), "m/s^2, m/s^2, rad/s^2"),
-        "q": (per_joint, q, "rad"),
-        "qd": (per_joint, qd, "rad/s"),
-        "tau": (per_joint, torque, "N m"),
-        "tau_dis": (per_joint, 0.3 * torque, "N m"),
-        "tool_pose": (per_pose, tool_pose, "1, m"),
-        "block_pose": (per_pose, block_pose, "1, m"),
-        "sliding_angle": (("time",), np.where(t < leave, 0.6 * np.sin(6 * t), np.nan), "rad"),
-        "contact_force": (("time", "pair", "direction"), force, "N"),
-    }
-    return xr.Dataset(
-        {name: (dims, data, {"units": units}) for name, (dims, data, units) in variables.items()},
-        coords={
-            "time": ("time", t, {"units": "s"}),
-            "axis": ["y", "z", "theta"],
-            "joint": list("SLURBT"),
-            "pose": ["qw", "qx", "qy", "qz", "x", "y", "z"],
-            "pair": ["blade-block", "table-block", "table-blade"],
-            "direction": ["x", "y", "z"],
-        },
-        attrs={
-            "architecture": architecture,
-            "start_y_m": 0.0,
-            "release_time_s": RELEASE,
-            "touchdown_time_s": TOUCHDOWN,
-            "friction_angle_rad": float(np.arctan(scenario.object.friction)),
-            "end_time_s": MOTION,
-            "table_height_m": table,
-        },
-    )
+    signals = {"x_cmd": x_cmd, "v_cmd": v_cmd, "a_cmd": np.gradient(v_cmd, 1e-3, axis=0), "q": q, "qd": qd}
+    signals |= {"tau": torque, "tau_dis": 0.3 * torque, "block_pose": block_pose, "contact_force": force.reshape(-1, 9)}
+    plan = SimpleNamespace(release_time=RELEASE, touchdown_time=TOUCHDOWN, end_time=MOTION)
+    logs = {name: values.T for name, values in signals.items() if name != "tau_dis" or "dob" in architecture}
+    return assemble(logs, t, scenario, architecture, arm, plan)
 
 
 def recordings():

@@ -10,6 +10,7 @@ import types
 from pathlib import Path
 
 import pytest
+from patience import HUNG
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "flipdiagram"
@@ -26,7 +27,7 @@ def reference(tmp_path_factory):
     """Text of each file by its path; built by a process of its own, as the build dresses up our classes."""
     out = tmp_path_factory.mktemp("docs")
     command = [sys.executable, ROOT / "docs" / "build.py", "--out", out]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=HUNG)
     assert (done.returncode, done.stderr) == (0, ""), done.stderr
     return {path.relative_to(out).as_posix(): path.read_text(encoding="utf-8") for path in out.rglob("*.*")}
 
@@ -70,8 +71,8 @@ def test_every_public_module_has_a_page_that_others_link_to(reference):
             "DisturbanceObserver( g_dis: ArrayLike, inertia: ArrayLike, period: float, offset: float = 0.0)",
         ),
         ("blocks/inverse_jacobian", "qdd_ref = J_t^-1 (a_ref - Jdot_t qd)"),
-        ("controller", "The four architectures differ by which boxes are present"),
-        ("scenario", "position gain (p) [1/s2]"),
+        ("diagrams/controller", "The four architectures differ by which boxes are present"),
+        ("scenario/one_dof", "position gain (p) [1/s2]"),
     ],
 )
 def test_equations_ports_and_units_are_there(page, module, words):

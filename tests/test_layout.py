@@ -10,6 +10,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from conftest import LONG
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "flipdiagram"
@@ -44,3 +45,7 @@ def test_no_tracked_file_names_a_place_on_someones_machine():
     pattern = re.compile(rb"(?<![a-zA-Z0-9_.])/(?:home|root|Users|work|tmp|farm)/[A-Za-z]")
     named = [name for name in files if name and (ROOT / name).is_file() and pattern.search((ROOT / name).read_bytes())]
     assert not named, named
+
+
+def test_the_files_named_as_long_exist():
+    assert set(LONG) <= {path.name for path in ROOT.glob("tests/**/*.py")}

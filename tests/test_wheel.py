@@ -17,6 +17,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from patience import HUNG
 
 ROOT = Path(__file__).parents[1]
 SOURCE = {path.relative_to(ROOT).as_posix() for path in (ROOT / "flipdiagram").rglob("*.py")}
@@ -27,7 +28,7 @@ def run(*command, **settings):
     variables = {
         name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "COV_", "PIP_", "MYPY"))
     }
-    done = subprocess.run([*map(str, command)], capture_output=True, text=True, timeout=120, env=variables, **settings)
+    done = subprocess.run([*map(str, command)], capture_output=True, text=True, timeout=HUNG, env=variables, **settings)
     assert done.returncode == 0, f"{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
     return done
 
@@ -150,7 +151,7 @@ def test_a_type_checker_sees_the_types_of_the_installed_package(environment, tmp
     (tmp_path / "consumer.py").write_text(CONSUMER)
     command = [sys.executable, "-m", "mypy", "--python-executable", environment / "python", "--config-file", os.devnull]
     done = subprocess.run(
-        [*map(str, command), "consumer.py"], capture_output=True, text=True, timeout=120, cwd=tmp_path
+        [*map(str, command), "consumer.py"], capture_output=True, text=True, timeout=HUNG, cwd=tmp_path
     )
     revealed = re.findall(r'Revealed type is "(.*)"', done.stdout.replace("builtins.", ""))
     assert revealed == ["float", "tuple[int, int]", "int"], done.stdout

@@ -1,6 +1,7 @@
 """Instruments as blocks: their sums are discrete state, so that measuring needs no log.
 
-Every meter counts the samples at t >= ``start_time``.  To measure one window after another, reset its state.
+Every meter counts the samples at t >= `start_time`.  To measure one window after another, reset its state.  Drawings
+leave out what has `only_looks_on`.
 """
 
 from typing import Any
@@ -8,27 +9,19 @@ from typing import Any
 import numpy as np
 import pydrake.math as scalar_math
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import LeafSystem_
-from pydrake.systems.scalar_conversion import TemplateSystem
 
 from flipdiagram.arrays import Array
-from flipdiagram.blocks._parameters import (
-    ScalarContext,
-    ScalarDiscreteValues,
-    ScalarVector,
-    channels,
-    declare_parameter,
-    sampling,
-)
-from flipdiagram.blocks._scalars import choose, larger, smaller
+from flipdiagram.blocks._checks import sampling
+from flipdiagram.blocks._scalars import choose
+from flipdiagram.blocks.block import Block, convertible
 
 
 def whole_periods(omega: float, period: float, shortest: int, longest: int | None = None) -> tuple[int, float]:
     """A window in samples that is as nearly a whole number of periods 2 pi/omega as its length allows.
 
-    Returns (N, rest): N in [shortest, longest] samples of ``period`` [s], and what is left over or missing, as a
+    Returns (N, rest): N in [shortest, longest] samples of `period` [s], and what is left over or missing, as a
     fraction of a period, in [-0.5, 0.5]; the first N whose rest is below 1e-3, else the best.
-    ``longest``: by default 64 periods beyond ``shortest``, and at most 4096 samples beyond one period.
+    `longest`: by default 64 periods beyond `shortest`, and at most 4096 samples beyond one period.
     """
     per_period = 2 * np.pi / (omega * period)
     first = max(1.0, np.ceil(shortest / per_period))
@@ -46,9 +39,9 @@ def whole_periods(omega: float, period: float, shortest: int, longest: int | Non
 def fundamental(sums: ArrayLike, omega: ArrayLike, period: float, start: ArrayLike, ticks: ArrayLike) -> Array:
     """Phasor Y = S + j C of the fit y = mean + S sin wt + C cos wt, from a lock-in's sums.
 
-    Solves the normal equations of the least-squares fit of mean, sine and cosine to N = ``ticks`` samples from tick
-    ``start`` on, whose matrix is known in closed form; so a constant and a pure sinusoid are separated exactly also
-    where N is not a whole number of periods.  ``sums`` (..., 3) = sums of y sin wt, y cos wt and y; omega [rad/s],
+    Solves the normal equations of the least-squares fit of mean, sine and cosine to N = `ticks` samples from tick
+    `start` on, whose matrix is known in closed form; so a constant and a pure sinusoid are separated exactly also
+    where N is not a whole number of periods.  `sums` (..., 3) = sums of y sin wt, y cos wt and y; omega [rad/s],
     period [s].  Returns Y, complex, shape (...).
     """
     b = np.asarray(sums, dtype=float)
@@ -66,149 +59,103 @@ def fundamental(sums: ArrayLike, omega: ArrayLike, period: float, start: ArrayLi
     return solution[..., 0] + 1j * solution[..., 1]
 
 
-def _started(context: ScalarContext, start_time: Any) -> Any:
-    return context.get_time() >= start_time
+def lock_in_sums(sums: Array, y: Array, omega: Array, t: Any, start_time: Array) -> Array:
+    """The sums (3 n,) after a sample at t [s]: of y sin wt, then y cos wt, then y, each of n channels."""
+    added = []
+    for wave in (scalar_math.sin, scalar_math.cos, lambda angle: type(angle)(1.0)):
+        for i in range(len(y)):
+            added.append(choose(t >= start_time[i], y[i] * wave(omega[i] * t), 0.0 * y[i]))
+    return sums + np.array(added)
 
 
-@TemplateSystem.define("LockIn_")
-def LockIn_(T: Any) -> type:
-    """``LockIn`` over the scalar T: float, AutoDiffXd or Expression."""
-
-    class Impl(LeafSystem_[T]):
-        """Lock-in amplifier of n channels: running sums of y sin wt, y cos wt and y, each ``period`` [s].
-
-        ``fundamental`` turns them into amplitude and phase.  Numeric parameters of the Context, one number per
-        channel: ``omega`` w [rad/s] > 0, ``start_time`` [s] >= 0.
-        Input ``y``, shape (n,); output ``sums``, shape (3 n,): all of y sin wt, then y cos wt, then y [unit of y].
-        """
-
-        numeric_parameter_names = ("omega", "start_time")
-
-        def _construct(
-            self, omega: ArrayLike, period: float, start_time: ArrayLike = 0.0, converter: Any = None
-        ) -> None:
-            LeafSystem_[T].__init__(self, converter=converter)
-            self.omega = channels("omega", omega, strict=True)
-            n = self.omega.size
-            self.start_time = channels("start_time", start_time, n)
-            self.period, _ = sampling(period, 0.0)
-            self._omega, _ = declare_parameter(self, T, self.omega)
-            self._start_time, _ = declare_parameter(self, T, self.start_time)
-            self._y = self.DeclareVectorInputPort("y", n)
-            state = self.DeclareDiscreteState(3 * n)
-            self.DeclarePeriodicDiscreteUpdateEvent(self.period, 0.0, self._update)
-            self.DeclareStateOutputPort("sums", state)
-
-        def _construct_copy(self, other: Any, converter: Any = None) -> None:
-            Impl._construct(self, other.omega, other.period, other.start_time, converter=converter)
-
-        def _update(self, context: ScalarContext, discrete_values: ScalarDiscreteValues) -> None:
-            omega = context.get_numeric_parameter(self._omega).CopyToVector()
-            start_time = context.get_numeric_parameter(self._start_time).CopyToVector()
-            y = self._y.Eval(context)
-            added = []
-            for wave in (scalar_math.sin, scalar_math.cos, lambda angle: type(angle)(1.0)):
-                for i in range(len(y)):
-                    term = y[i] * wave(omega[i] * context.get_time())
-                    added.append(choose(_started(context, start_time[i]), term, 0.0 * y[i]))
-            sums = context.get_discrete_state_vector().CopyToVector()
-            discrete_values.set_value(sums + np.array(added))
-
-    return Impl
+def next_peaks(peaks: Array, y: Array, t: Any, start_time: Array) -> Array:
+    """Largest, then smallest samples (2 n,) after a sample y (n,) at t [s]."""
+    n = len(y)
+    picks = [scalar_math.max] * n + [scalar_math.min] * n
+    after = [choose(t >= start_time[i % n], pick(peaks[i], y[i % n]), peaks[i]) for i, pick in enumerate(picks)]
+    return np.array(after)
 
 
-@TemplateSystem.define("Peak_")
-def Peak_(T: Any) -> type:
-    """``Peak`` over the scalar T: float, AutoDiffXd or Expression."""
-
-    class Impl(LeafSystem_[T]):
-        """Peak meter of n channels: largest and smallest sample, each ``period`` [s].
-
-        ``start_time`` [s] >= 0, one number per channel, is a numeric parameter of the Context.
-        Input ``y``, shape (n,); output ``peaks``, shape (2 n,): all maxima, then all minima [unit of y]; -inf and
-        inf before the first sample.
-        """
-
-        numeric_parameter_names = ("start_time",)
-
-        def _construct(
-            self, num_channels: int, period: float, start_time: ArrayLike = 0.0, converter: Any = None
-        ) -> None:
-            LeafSystem_[T].__init__(self, converter=converter)
-            n = num_channels
-            self.start_time = channels("start_time", start_time, n)
-            self.period, _ = sampling(period, 0.0)
-            self._start_time, _ = declare_parameter(self, T, self.start_time)
-            self._y = self.DeclareVectorInputPort("y", n)
-            state = self.DeclareDiscreteState(np.array([T(-np.inf)] * n + [T(np.inf)] * n))
-            self.DeclarePeriodicDiscreteUpdateEvent(self.period, 0.0, self._update)
-            self.DeclareStateOutputPort("peaks", state)
-
-        def _construct_copy(self, other: Any, converter: Any = None) -> None:
-            Impl._construct(self, other.start_time.size, other.period, other.start_time, converter=converter)
-
-        def _update(self, context: ScalarContext, discrete_values: ScalarDiscreteValues) -> None:
-            start_time = context.get_numeric_parameter(self._start_time).CopyToVector()
-            y, peaks = self._y.Eval(context), context.get_discrete_state_vector().CopyToVector()
-            after: list[Any] = []
-            n = len(y)
-            for i, pick in [(i, larger) for i in range(n)] + [(i, smaller) for i in range(n)]:
-                old = peaks[len(after)]
-                after.append(choose(_started(context, start_time[i]), pick(old, y[i]), old))
-            discrete_values.set_value(np.array(after))
-
-    return Impl
+def next_squares(squares: Array, y: Array, reference: Array, t: Any, start_time: Array) -> Array:
+    """Sums of squared errors, then counts of samples (2 n,), after a sample y, reference (n,) at t [s]."""
+    error, n = y - reference, len(y)
+    sums, counts = [], []
+    for i in range(n):
+        started = t >= start_time[i]
+        sums.append(squares[i] + choose(started, error[i] * error[i], 0.0 * error[i]))
+        counts.append(squares[n + i] + choose(started, type(error[i])(1.0), type(error[i])(0.0)))
+    return np.array([*sums, *counts])
 
 
-@TemplateSystem.define("RootMeanSquare_")
-def RootMeanSquare_(T: Any) -> type:
-    """``RootMeanSquare`` over the scalar T: float, AutoDiffXd or Expression."""
-
-    class Impl(LeafSystem_[T]):
-        """Root of the mean squared error of n channels, sqrt(mean (y - reference)^2), each ``period`` [s].
-
-        ``start_time`` [s] >= 0, one number per channel, is a numeric parameter of the Context.
-        Inputs ``y`` and ``reference``, output ``rms``, 0 before the first sample: shape (n,) [unit of y].
-        """
-
-        numeric_parameter_names = ("start_time",)
-
-        def _construct(
-            self, num_channels: int, period: float, start_time: ArrayLike = 0.0, converter: Any = None
-        ) -> None:
-            LeafSystem_[T].__init__(self, converter=converter)
-            n = num_channels
-            self.start_time = channels("start_time", start_time, n)
-            self.period, _ = sampling(period, 0.0)
-            self._start_time, _ = declare_parameter(self, T, self.start_time)
-            self._y, self._reference = (self.DeclareVectorInputPort(name, n) for name in ("y", "reference"))
-            state = self.DeclareDiscreteState(2 * n)
-            self.DeclarePeriodicDiscreteUpdateEvent(self.period, 0.0, self._update)
-            self.DeclareVectorOutputPort("rms", n, self._calc_rms, {self.discrete_state_ticket(state)})
-
-        def _construct_copy(self, other: Any, converter: Any = None) -> None:
-            Impl._construct(self, other.start_time.size, other.period, other.start_time, converter=converter)
-
-        def _update(self, context: ScalarContext, discrete_values: ScalarDiscreteValues) -> None:
-            start_time = context.get_numeric_parameter(self._start_time).CopyToVector()
-            error = self._y.Eval(context) - self._reference.Eval(context)
-            state, n = context.get_discrete_state_vector().CopyToVector(), len(error)
-            squares, counts = [], []
-            for i in range(n):
-                started = _started(context, start_time[i])
-                squares.append(state[i] + choose(started, error[i] * error[i], 0.0 * error[i]))
-                counts.append(state[n + i] + choose(started, type(error[i])(1.0), type(error[i])(0.0)))
-            discrete_values.set_value(np.array([*squares, *counts]))
-
-        def _calc_rms(self, context: ScalarContext, output: ScalarVector) -> None:
-            state, n = context.get_discrete_state_vector().CopyToVector(), self.start_time.size
-            one = type(state[0])(1.0)
-            means = [larger(state[i], 0.0 * one) / larger(state[n + i], one) for i in range(n)]
-            output.set_value(np.array([scalar_math.sqrt(mean) for mean in means]))
-
-    return Impl
+def root_mean_square(squares: Array) -> Array:
+    """sqrt(sum / count) per channel (n,), 0 before the first sample, of sums and counts (2 n,)."""
+    n, one = len(squares) // 2, type(squares[0])(1.0)
+    means = [scalar_math.max(squares[i], 0.0 * one) / scalar_math.max(squares[n + i], one) for i in range(n)]
+    return np.array([scalar_math.sqrt(mean) for mean in means])
 
 
-LockIn = LockIn_[None]
-Peak = Peak_[None]
-RootMeanSquare = RootMeanSquare_[None]
+@convertible()
+class LockIn(Block):
+    """Lock-in amplifier of n channels: running sums of y sin wt, y cos wt and y, each `period` [s].
+
+    `fundamental` turns them into amplitude and phase.  Numeric parameters of the Context, one number per channel:
+    `omega` w [rad/s] > 0, `start_time` [s] >= 0.
+    Input `y`, shape (n,); output `sums`, shape (3 n,): all of y sin wt, then y cos wt, then y [unit of y].
+    """
+
+    numeric_parameter_names = ("omega", "start_time")
+    only_looks_on = True
+
+    def __init__(self, omega: ArrayLike, period: float, start_time: ArrayLike = 0.0) -> None:
+        self.parameter("omega", omega, strict=True)
+        n = self.omega.size
+        self.parameter("start_time", start_time, n)
+        self.period, _ = sampling(period)
+        self.input("y", n)
+        state = self.state("sums", 3 * n)
+        self.update(lock_in_sums, self.period)
+        self.DeclareStateOutputPort("sums", state)
+
+
+@convertible()
+class Peak(Block):
+    """Peak meter of n channels: largest and smallest sample, each `period` [s].
+
+    `start_time` [s] >= 0, one number per channel, is a numeric parameter of the Context.
+    Input `y`, shape (n,); output `peaks`, shape (2 n,): all maxima, then all minima [unit of y]; -inf and inf before
+    the first sample.
+    """
+
+    numeric_parameter_names = ("start_time",)
+    only_looks_on = True
+
+    def __init__(self, num_channels: int, period: float, start_time: ArrayLike = 0.0) -> None:
+        self.num_channels, n = num_channels, num_channels
+        self.parameter("start_time", start_time, n)
+        self.period, _ = sampling(period)
+        self.input("y", n)
+        state = self.state("peaks", [-np.inf] * n + [np.inf] * n)
+        self.update(next_peaks, self.period)
+        self.DeclareStateOutputPort("peaks", state)
+
+
+@convertible()
+class RootMeanSquare(Block):
+    """Root of the mean squared error of n channels, sqrt(mean (y - reference)^2), each `period` [s].
+
+    `start_time` [s] >= 0, one number per channel, is a numeric parameter of the Context.
+    Inputs `y` and `reference`, output `rms`, 0 before the first sample: shape (n,) [unit of y].
+    """
+
+    numeric_parameter_names = ("start_time",)
+    only_looks_on = True
+
+    def __init__(self, num_channels: int, period: float, start_time: ArrayLike = 0.0) -> None:
+        self.num_channels = num_channels
+        self.parameter("start_time", start_time, num_channels)
+        self.period, _ = sampling(period)
+        self.input("y", num_channels)
+        self.input("reference", num_channels)
+        self.state("squares", 2 * num_channels)
+        self.update(next_squares, self.period)
+        self.output("rms", num_channels, root_mean_square)

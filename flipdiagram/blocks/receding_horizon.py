@@ -9,11 +9,11 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
+from pydrake.systems.framework import Context, EventStatus, State
 
 from flipdiagram.arrays import Floats
-from flipdiagram.blocks._commands import CHANNELS, Commands, declare_commands, standing
+from flipdiagram.blocks.block import Block
+from flipdiagram.blocks.mpc import CHANNELS, COMMANDS, Commands, held_pose
 from flipdiagram.errors import InputError, PlanningError
 from flipdiagram.planning.command import Command, of_object
 from flipdiagram.planning.plan import Plan
@@ -75,17 +75,18 @@ class Timing:
 
     def __post_init__(self) -> None:
         if not (self.period > 0 and self.delay >= 0 and self.blend > 0 and self.early > 0):
-            raise InputError(f"{self} is not valid; valid are period, blend and early above 0, delay at least 0")
+            raise InputError.of("timing", self, "period, blend and early above 0, delay at least 0")
 
 
-class RecedingHorizonController(LeafSystem):
+class RecedingHorizonController(Block):
     """The MPC that replans: outputs x_cmd, v_cmd, a_cmd (6,), solve_time [s], iterations, status, cone_margin [rad].
 
     Inputs: x, v (6,) of the tool and q (n,), read at the events only, so nothing feeds through; optional `shift` (1,)
     [m], where the object sits on the blade along s.  `planner` plans once when the run starts, as in
     `ModelPredictiveController`; from `start_time` on, every `timing.period`, `again` plans the rest of the motion from
     the measured tool (or, measured=False, from the command) as it will be when the new plan takes effect.  When that
-    fails or is late the last plan goes on.  The whole behaviour is in the Context's state.
+    fails or is late the last plan goes on.  The whole behaviour is in the Context's state.  Not scalar-convertible: it
+    calls a planner of floats.
     """
 
     def __init__(
@@ -102,32 +103,27 @@ class RecedingHorizonController(LeafSystem):
     ) -> None:
         super().__init__()
         self._planner, self._again, self.timing = planner, again, timing
-        self._hold, self.start_time = standing(hold, start_time)
+        self._hold, self.start_time = held_pose(hold, start_time)
         self._measured, self._fewest = measured, fewest
-        self._x = self.DeclareVectorInputPort("x", CHANNELS)
-        self._v = self.DeclareVectorInputPort("v", CHANNELS)
-        self._q = self.DeclareVectorInputPort("q", joints)
-        self._shift = self.DeclareVectorInputPort("shift", 1)
-        self._state = self.DeclareAbstractState(Value[object](Horizon()))
+        for name in ("x", "v"):
+            self.input(name, CHANNELS)
+        self.input("q", joints)
+        self.input("shift", 1)
+        self._state = self.abstract_state("horizon", Horizon(), self.horizon)
         self.DeclareInitializationUnrestrictedUpdateEvent(self._plan_once)
         first = self.start_time - timing.early
         while first < 0:
             first += timing.period
         self.DeclarePeriodicUnrestrictedUpdateEvent(timing.period, first, self._plan_again)
-        state = {self.abstract_state_ticket(self._state)}
-        declare_commands(self, self._commands, {self.time_ticket(), *state})
-        numbers: dict[str, Callable[[Horizon], float]] = {
-            "solve_time": lambda horizon: horizon.solve_time,
-            "iterations": lambda horizon: float(horizon.iterations),
-            "status": lambda horizon: float(horizon.status),
-            "cone_margin": lambda horizon: horizon.margin,
-        }
-        for name, read in numbers.items():
-            self.DeclareVectorOutputPort(name, 1, self._number(read), state)
+        self.outputs(COMMANDS, CHANNELS, self._commands)
+        self.output("solve_time", 1, lambda horizon: [horizon.solve_time])
+        self.output("iterations", 1, lambda horizon: [float(horizon.iterations)])
+        self.output("status", 1, lambda horizon: [float(horizon.status)])
+        self.output("cone_margin", 1, lambda horizon: [horizon.margin])
 
     def horizon(self, context: Context) -> Horizon:
         """The state in this system's Context."""
-        value: Any = context.get_abstract_state(int(self._state)).get_value()
+        value: Any = context.get_abstract_state(self._state).get_value()
         return value if isinstance(value, Horizon) else Horizon()
 
     def plan(self, context: Context) -> Plan | None:
@@ -142,21 +138,21 @@ class RecedingHorizonController(LeafSystem):
 
     def set_plan(self, context: Context, plan: Plan) -> None:
         """Put a plan into this system's Context; the run then starts with it instead of solving."""
-        context.get_mutable_abstract_state(int(self._state)).set_value(self._begun(plan))
+        context.get_mutable_abstract_state(self._state).set_value(self._first(plan))
 
     def _plan_once(self, context: Context, state: State) -> EventStatus:
         if self.horizon(context).command is None:
-            state.get_mutable_abstract_state(int(self._state)).set_value(self._begun(self._planner()))
+            state.get_mutable_abstract_state(self._state).set_value(self._first(self._planner()))
         return EventStatus.Succeeded()
 
-    def _begun(self, plan: Plan) -> Horizon:
+    def _first(self, plan: Plan) -> Horizon:
         """The first command, led over from where the tool is held."""
         still = np.tile([*self._hold[:3], 0.0, 0.0, 0.0], (len(plan.states), 1))
-        standing = Command(replace(plan, states=still, inputs=np.zeros_like(plan.inputs)))
+        stand = Command(replace(plan, states=still, inputs=np.zeros_like(plan.inputs)))
         command = Command(plan)
         apart = float(np.abs(self._hold[:3] - plan.states[0, :3]).max())
         if apart > SAME_PLACE:
-            command = command.led_over_from(standing, self.timing.blend)
+            command = command.led_over_from(stand, self.timing.blend)
         margin = plan.friction_angle - plan.max_sliding_angle
         return Horizon(command, None, Status.PLANNED, plan.solve_time, plan.iterations, margin)
 
@@ -166,13 +162,13 @@ class RecedingHorizonController(LeafSystem):
         if now < -1e-9 or command is None:
             return EventStatus.DidNothing()
         begins = now + self.timing.delay
-        shift = self._shift.Eval(context)[0] if self._shift.HasValue(context) else command.shift
+        shift = self.value_in(context, "shift")[0] if self.GetInputPort("shift").HasValue(context) else command.shift
         left = command.plan.release_time - (begins - command.begins)
         if left < self._fewest * command.plan.sampling_time - 1e-9:
             result = replace(horizon, status=Status.OVER)
         else:
             result = self._attempt(context, horizon, command, now, begins, float(shift))
-        state.get_mutable_abstract_state(int(self._state)).set_value(result)
+        state.get_mutable_abstract_state(self._state).set_value(result)
         return EventStatus.Succeeded()
 
     def _attempt(
@@ -183,35 +179,29 @@ class RecedingHorizonController(LeafSystem):
         if self._measured:
             x_now, v_now, _ = (np.array(values) for values in command.at(now))
             # what the tool is off by now it will still be off by when the new plan takes effect
-            x += self._x.Eval(context)[:3] - x_now
-            v += self._v.Eval(context)[:3] - v_now
+            x += self.value_in(context, "x")[:3] - x_now
+            v += self.value_in(context, "v")[:3] - v_now
         try:
-            q, elapsed = self._q.Eval(context), begins - command.begins
+            q, elapsed = self.value_in(context, "q"), begins - command.begins
             plan = self._again(of_object(x, v, shift), command.plan, elapsed, q, shift, command.begins)
         except PlanningError:
             return replace(kept, status=Status.FAILED)
-        found = replace(
+        attempted = replace(
             kept,
             solve_time=plan.solve_time,
             iterations=plan.iterations,
             margin=plan.friction_angle - plan.max_sliding_angle,
         )
         if self.timing.deadline is not None and plan.solve_time > self.timing.deadline:
-            return replace(found, status=Status.LATE)
+            return replace(attempted, status=Status.LATE)
         following = Command(plan, begins, shift=shift).led_over_from(command, self.timing.blend)
-        return replace(found, following=following, status=Status.REPLANNED)
+        return replace(attempted, following=following, status=Status.REPLANNED)
 
-    def _commands(self, context: Context) -> Commands:
+    def _commands(self, t: float, horizon: Horizon) -> Commands:
         x, v, a = self._hold.copy(), np.zeros(CHANNELS), np.zeros(CHANNELS)
-        now = context.get_time() - self.start_time
-        command = self.horizon(context).at(now)
+        now = t - self.start_time
+        command = horizon.at(now)
         # until the motion starts the tool stays where it stands, which need not be where the plan begins
         if command is not None and now >= -1e-9:
             x[:3], v[:3], a[:3] = command.at(now)
         return x, v, a
-
-    def _number(self, read: Callable[[Horizon], float]) -> Callable[[Context, BasicVector], None]:
-        def write(context: Context, output: BasicVector) -> None:
-            output[0] = read(self.horizon(context))
-
-        return write

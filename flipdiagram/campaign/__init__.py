@@ -1,6 +1,5 @@
-"""Thousands of flips over what is uncertain: specified, run on processes or Dask, kept, analysed, watched, tuned.
+"""Thousands of flips over what is uncertain: specified, flown, analysed, watched, tuned.
 
-`checks`, `specification`: what is asked.  `children`, `engines`, `cluster`, `running`, `conduct`: how it is run.
-`opening`, `results`: where it is kept.  `dataset`, `analysis`, `sensitivity`, `statistics`: what it says.  `watch` and
-`tuner` on top.  Nothing is imported here: worker processes import from this package what they need and no more.
+`specification_file`, `checks`, `specification`: what is asked.  `run`: it is flown, by `flips.driver`.  `dataset`,
+`analysis`, `sensitivity`, `statistics`: what its file says.  `watch` and `tuner` on top.
 """

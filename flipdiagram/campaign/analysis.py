@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flipdiagram.campaign.dataset import parameters_of
-from flipdiagram.campaign.modes import MODES, NOT_PHYSICS
+from flipdiagram.campaign.dataset import counted, parameters_of
 from flipdiagram.campaign.sensitivity import TARGETS, chance, groups_of, sensitivities, sobol, strength
-from flipdiagram.campaign.statistics import holm, mcnemar, paired_difference, wilson
+from flipdiagram.campaign.statistics import holm, mcnemar, paired_counts, paired_difference, wilson
+from flipdiagram.flips.outcome import MODES
 from flipdiagram.simulation.metrics import SATURATED
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
@@ -34,18 +34,14 @@ def analyse(data: xr.Dataset) -> dict[str, Any]:
         "pairs": _pairs(data, names),
         "sensitivity": {name: {target: sensitivities(data, name, target) for target in TARGETS} for name in names},
         "chance": chance(int(data.sizes["trial"])),
-        "sobol": {name: found for name in names if (found := sobol(data, name)) is not None},
+        "sobol": {name: indices for name in names if (indices := sobol(data, name)) is not None},
         "map": success_map(data, names),
     }
 
 
-def _counted(part: xr.Dataset) -> np.ndarray:
-    return ((part["outcome"] != "") & ~part["outcome"].isin(NOT_PHYSICS)).values
-
-
 def _architecture(part: xr.Dataset) -> dict[str, Any]:
-    counted = _counted(part)
-    won, n = int(part["success"].values[counted].sum()), int(counted.sum())
+    among = counted(part)
+    won, n = int(part["success"].values[among].sum()), int(among.sum())
     low, high = wilson(won, n)
     outcomes = part["outcome"].values
     torque = part["torque_use"].values
@@ -72,30 +68,17 @@ def _quantiles(values: np.ndarray) -> dict[str, float] | None:
 
 def _pairs(data: xr.Dataset, names: list[str]) -> list[dict[str, Any]]:
     """Every two architectures over the trials that count for both."""
-    found: list[dict[str, Any]] = []
+    pairs: list[dict[str, Any]] = []
     for one, other in itertools.combinations(names[::-1], 2):
         a, b = data.sel(architecture=one), data.sel(architecture=other)
-        counted = _counted(a) & _counted(b)
-        won_a, won_b = a["success"].values[counted], b["success"].values[counted]
-        both, first = int((won_a & won_b).sum()), int((won_a & ~won_b).sum())
-        second, neither = int((~won_a & won_b).sum()), int((~won_a & ~won_b).sum())
-        difference, low, high = paired_difference(both, first, second, neither)
-        found.append(
-            {
-                "first": one,
-                "second": other,
-                "trials": int(counted.sum()),
-                "first_only": first,
-                "second_only": second,
-                "difference": difference,
-                "low": low,
-                "high": high,
-                "p": mcnemar(first, second),
-            }
-        )
-    for entry, adjusted in zip(found, holm([entry["p"] for entry in found]), strict=True):
-        entry["p_holm"] = adjusted
-    return found
+        among = counted(a) & counted(b)
+        won_a, won_b = a["success"].values[among], b["success"].values[among]
+        counts = paired_counts(won_a, won_b)
+        difference, low, high = paired_difference(*counts)
+        pair = {"first": one, "second": other, "trials": sum(counts), "first_only": counts[1], "second_only": counts[2]}
+        pairs.append(pair | {"difference": difference, "low": low, "high": high, "p": mcnemar(*counts[1:3])})
+    adjusted = holm([pair["p"] for pair in pairs])
+    return [pair | {"p_holm": p} for pair, p in zip(pairs, adjusted, strict=True)]
 
 
 def most_important(data: xr.Dataset, names: list[str]) -> list[str]:
@@ -109,23 +92,23 @@ def most_important(data: xr.Dataset, names: list[str]) -> list[str]:
 
 def success_map(data: xr.Dataset, names: list[str]) -> dict[str, Any] | None:
     """Success over the two parameters that matter most; None with fewer than two."""
-    chosen = most_important(data, names)[:2]
-    if len(chosen) < 2 or not data.sizes["trial"]:
+    parameters = most_important(data, names)[:2]
+    if len(parameters) < 2 or not data.sizes["trial"]:
         return None
     cells = int(np.clip(np.sqrt(data.sizes["trial"] / PER_CELL), 2, MOST_CELLS))
-    x, y = (_axis(data[name].values, cells) for name in chosen)
-    found: dict[str, Any] = {}
+    x, y = (_axis(data[name].values, cells) for name in parameters)
+    counts: dict[str, Any] = {}
     for name in names:
         part = data.sel(architecture=name)
-        counted, won = _counted(part), part["success"].values
+        among, won = counted(part), part["success"].values
         shape = (len(y["values"]), len(x["values"]))
         trials, successes = np.zeros(shape, dtype=int), np.zeros(shape, dtype=int)
-        np.add.at(trials, (y["index"][counted], x["index"][counted]), 1)
-        np.add.at(successes, (y["index"][counted], x["index"][counted]), won[counted].astype(int))
-        found[name] = {"trials": trials.tolist(), "successes": successes.tolist()}
-    x, y = ({"parameter": name} | axis for name, axis in zip(chosen, (x, y), strict=True))
+        np.add.at(trials, (y["index"][among], x["index"][among]), 1)
+        np.add.at(successes, (y["index"][among], x["index"][among]), won[among].astype(int))
+        counts[name] = {"trials": trials.tolist(), "successes": successes.tolist()}
+    x, y = ({"parameter": name} | axis for name, axis in zip(parameters, (x, y), strict=True))
     del x["index"], y["index"]
-    return {"x": x, "y": y, "architectures": found}
+    return {"x": x, "y": y, "architectures": counts}
 
 
 def _axis(values: np.ndarray, cells: int) -> dict[str, Any]:

@@ -1,24 +1,21 @@
-"""From YAML to a Specification, everything checked before anything runs; each error one line with its line number."""
+"""From a campaign's file to a Specification: all that can be known before anything runs is checked."""
 
 from __future__ import annotations
 
-import re
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from flipdiagram.campaign.distributions import DistributionError, distribution
-from flipdiagram.campaign.reading import Source, parse, read
-from flipdiagram.campaign.sampling import SAMPLERS
+from flipdiagram.campaign.distributions import DistributionError, distribution, is_number
 from flipdiagram.campaign.specification import UNKNOWN_SECTIONS, Dimension, Specification, elements_of, value_of
+from flipdiagram.campaign.specification_file import MOST_TRIALS, Source, SpecificationFile, parse, read
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import FlipdiagramError, InputError
-from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, field_paths, from_mapping, load
+from flipdiagram.flips.flip import NOT_OF_A_FLIP
+from flipdiagram.scenario.scenario import Scenario, field_paths, from_mapping, load
 from flipdiagram.scenario.text import unknown_field
 
-KEYS = ("base", "vary", "known", "sampler", "seed", "trials", "architectures", "timeout", "limit_hours", "tune")
-MOST_TRIALS = 10_000_000
-MOST_SEED = 2**32 - 1
 CHECKED = 5_000
 """Trials whose scenario is tried beforehand, 0.1 ms each; of a longer campaign those spread evenly."""
 BUILT = 40
@@ -48,30 +45,32 @@ def from_text(text: str, name: str = "campaign.yaml") -> Specification:
 
 def specification(source: Source, folder: Path, changes: Mapping[str, Any] | None = None) -> Specification:
     """Check everything of a campaign that can be known before it runs; raises InputError with the line."""
-    for key in source.data:
-        if key not in KEYS:
-            raise source.error([str(key)], f"unknown key {key!r}; valid are {', '.join(KEYS)}")
-    base = _base(source, folder).with_overrides(changes or {})
-    dimensions = _dimensions(source, base)
-    sampler = source.data.get("sampler", "lhs")
-    if sampler not in SAMPLERS:
-        raise source.bad(["sampler"], sampler, f"one of {', '.join(SAMPLERS)}")
-    found = Specification(
+    file = source.validated(SpecificationFile, source.data)
+    base = _base(source, file, folder).with_overrides(changes or {})
+    dimensions = _dimensions(source, file, base)
+    if len(set(file.architectures)) < len(file.architectures):
+        valid = str(SpecificationFile.model_fields["architectures"].description)
+        raise source.bad(["architectures"], list(file.architectures), valid)
+    unknown = [field for d in dimensions for field in d.fields if field.split(".")[0] in UNKNOWN_SECTIONS]
+    if any(field not in unknown for field in file.known):
+        fields = ", ".join(unknown) or "none is varied here"
+        valid = f"{SpecificationFile.model_fields['known'].description}: {fields}"
+        raise source.bad(["known"], list(file.known), valid)
+    checked = Specification(
         base=base,
         dimensions=dimensions,
-        sampler=sampler,
-        seed=_whole(source, "seed", 0, 0, MOST_SEED),
-        trials=_trials(source, sampler, dimensions),
-        architectures=_architectures(source),
-        timeout=_number(source, "timeout", 120.0),
-        known=_known(source, dimensions),
-        limit_hours=_number(source, "limit_hours", 12.0),
+        sampler=file.sampler,
+        seed=file.seed,
+        trials=_trials(source, file, dimensions),
+        architectures=file.architectures,
+        timeout=file.timeout,
+        known=file.known,
+        limit_hours=file.limit_hours,
         text=source.text,
         name=source.name,
-        tune=source.data.get("tune"),
     )
-    _check_scenarios(source, found)
-    return found
+    _check_scenarios(source, checked)
+    return checked
 
 
 def estimated_hours(specification: Specification, jobs: int) -> float:
@@ -95,41 +94,37 @@ def check_estimate(specification: Specification, jobs: int, share: float = 1.0) 
     raise source.error(["trials"], f"{specification.rows} flips would take about {needed}; {valid}")
 
 
-def _base(source: Source, folder: Path) -> Scenario:
-    given = source.data.get("base")
+def _base(source: Source, file: SpecificationFile, folder: Path) -> Scenario:
     try:
-        if isinstance(given, str):
-            beside = folder / given
-            return load(beside if beside.is_file() else given)
-        return from_mapping(given or {})
+        if isinstance(file.base, str):
+            beside = folder / file.base
+            return load(beside if beside.is_file() else file.base)
+        return from_mapping(file.base or {})
     except InputError as error:
-        raise source.error(_named("base", str(error)), str(error)) from None
+        raise source.error(_where("base", error), str(error)) from None
 
 
-def _dimensions(source: Source, base: Scenario) -> tuple[Dimension, ...]:
-    vary = source.data.get("vary")
-    if not isinstance(vary, Mapping) or not vary:
-        raise source.bad(["vary"], vary, "'field: {distribution: [numbers]}', at least one")
-    found: list[Dimension] = []
-    for key, data in vary.items():
-        path = ["vary", str(key)]
-        fields = tuple(part.strip() for part in str(key).split(","))
+def _dimensions(source: Source, file: SpecificationFile, base: Scenario) -> tuple[Dimension, ...]:
+    dimensions: list[Dimension] = []
+    for key, data in file.vary.items():
+        path = ["vary", key]
+        fields = tuple(part.strip() for part in key.split(","))
         for field in fields:
             _check_field(source, path, field)
-            if any(field in dimension.fields for dimension in found) or fields.count(field) > 1:
+            if any(field in dimension.fields for dimension in dimensions) or fields.count(field) > 1:
                 raise source.error(path, f"{field} stands twice; valid is once")
         try:
-            found += _dimensions_of(base, str(key), fields, data)
+            dimensions += _dimensions_of(base, key, fields, data)
         except DistributionError as error:
             raise source.error(path, f"{key}: {error}") from None
-    return tuple(found)
+    return tuple(dimensions)
 
 
 def _check_field(source: Source, path: list[str], field: str) -> None:
-    if field.split(".")[0] in ("one_dof", "frequency") and field in field_paths():
-        raise source.error(path, f"{field} belongs to section III, no flip depends on it; valid are fields of a flip")
     if field not in field_paths():
         raise source.error(path, str(unknown_field(Scenario, field)))
+    if field.split(".")[0] in NOT_OF_A_FLIP:
+        raise source.error(path, f"{field} belongs to section III, no flip depends on it; valid are fields of a flip")
 
 
 def _dimensions_of(base: Scenario, key: str, fields: tuple[str, ...], data: Any) -> list[Dimension]:
@@ -138,7 +133,7 @@ def _dimensions_of(base: Scenario, key: str, fields: tuple[str, ...], data: Any)
     if len(data) > 1:
         raise DistributionError("valid is scale: {distribution: [numbers]} alone")
     factor = distribution(data["scale"])
-    if any(not isinstance(end, int | float) or isinstance(end, bool) for end in factor.ends()):
+    if not all(map(is_number, factor.ends())):
         raise DistributionError("scale takes numbers only")
     elements = elements_of(base, fields[0])
     if len(fields) == 1 and elements:  # each element on its own
@@ -150,85 +145,51 @@ def _dimensions_of(base: Scenario, key: str, fields: tuple[str, ...], data: Any)
     return [Dimension(key, fields, factor, True)]
 
 
-def _trials(source: Source, sampler: str, dimensions: tuple[Dimension, ...]) -> int:
-    if sampler != "grid":
-        trials = _whole(source, "trials", None, 1, MOST_TRIALS)
-        if sampler == "saltelli":
-            n, rest = divmod(trials, len(dimensions) + 2)
-            if rest or n < 2 or n & (n - 1):
-                block = len(dimensions) + 2
-                valid = f"{block} (dimensions + 2) times a power of two, such as {64 * block}"
-                raise source.bad(["trials"], trials, valid)
-        return trials
-    product = 1
-    for dimension in dimensions:
-        values = dimension.distribution.values
-        if values is None:
-            text = f"{dimension.name}: the grid needs values; valid are grid, choice and integers"
-            raise source.error(["vary", dimension.name.split("[")[0]], text)
-        product *= len(values)
-    given = source.data.get("trials", product)
-    if given != product:
-        raise source.bad(["trials"], given, f"{product}, the product of the grids, or leave it out")
-    if product > MOST_TRIALS:
-        raise source.error(["vary"], f"the grid has {product} points; valid are at most {MOST_TRIALS}")
-    return product
+def _trials(source: Source, file: SpecificationFile, dimensions: tuple[Dimension, ...]) -> int:
+    given, trials = "trials" in file.model_fields_set, file.trials
+    if file.sampler == "grid":
+        for dimension in dimensions:
+            if dimension.distribution.values is None:
+                text = f"{dimension.name}: the grid needs values; valid are grid, choice and integers"
+                raise source.error(["vary", dimension.name.split("[")[0]], text)
+        product = math.prod(len(dimension.distribution.values or ()) for dimension in dimensions)
+        if given and trials != product:
+            raise source.bad(["trials"], trials, f"{product}, the product of the grids, or leave it out")
+        if product > MOST_TRIALS:
+            raise source.error(["vary"], f"the grid has {product} points; valid are at most {MOST_TRIALS}")
+        return product
+    if not given:
+        raise source.bad(["trials"], None, str(SpecificationFile.model_fields["trials"].description))
+    if file.sampler == "saltelli":
+        block = len(dimensions) + 2
+        n, rest = divmod(trials, block)
+        if rest or n < 2 or n & (n - 1):
+            valid = f"{block} (dimensions + 2) times a power of two, such as {64 * block}"
+            raise source.bad(["trials"], trials, valid)
+    return trials
 
 
-def _architectures(source: Source) -> tuple[str, ...]:
-    given = source.data.get("architectures", list(ARCHITECTURES))
-    valid = f"a list of {', '.join(ARCHITECTURES)}, each once"
-    if not isinstance(given, list) or not given or any(name not in ARCHITECTURES for name in given):
-        raise source.bad(["architectures"], given, valid)
-    if len(set(given)) < len(given):
-        raise source.bad(["architectures"], given, valid)
-    return tuple(given)
-
-
-def _known(source: Source, dimensions: tuple[Dimension, ...]) -> tuple[str, ...]:
-    given = source.data.get("known", [])
-    varied = [field for d in dimensions for field in d.fields if field.split(".")[0] in UNKNOWN_SECTIONS]
-    if not isinstance(given, list) or any(field not in varied for field in given):
-        text = "a list of varied fields of arm, tool, object or table: " + (", ".join(varied) or "none is varied here")
-        raise source.bad(["known"], given, text)
-    return tuple(given)
-
-
-def _whole(source: Source, key: str, default: int | None, least: int, most: int) -> int:
-    value = source.data.get(key, default)
-    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
-        raise source.bad([key], value, f"a whole number from {least} to {most}")
-    return value
-
-
-def _number(source: Source, key: str, default: float) -> float:
-    value = source.data.get(key, default)
-    if not isinstance(value, int | float) or isinstance(value, bool) or not 0 < value < float("inf"):
-        raise source.bad([key], value, "a finite number above 0")
-    return float(value)
-
-
-def _check_scenarios(source: Source, found: Specification) -> None:
+def _check_scenarios(source: Source, specification: Specification) -> None:
     """Try the base, each dimension at its borders, and the drawn scenarios."""
-    _try_loop(source, ["base"], found.base)
-    ends = found.at_ends()
+    _try_loop(source, ["base"], specification.base)
+    ends = specification.at_ends()
     for k, (dimension, trial) in enumerate(ends):
         path = ["vary", dimension.name.split("[")[0]]
         try:
-            truth = found.truth(trial)
-            found.believed(trial)
+            truth = specification.truth(trial)
+            specification.believed(trial)
         except InputError as error:
             raise source.error(path, str(error)) from None
         if len(ends) <= BUILT or k % -(-len(ends) // BUILT) == 0:
             _try_loop(source, path, truth)
-    step = -(-found.trials // CHECKED)
-    for index in range(0, found.trials, step):
-        trial = found.trial(index)
+    step = -(-specification.trials // CHECKED)
+    for index in range(0, specification.trials, step):
+        trial = specification.trial(index)
         try:
-            found.truth(trial)
-            found.believed(trial)
+            specification.truth(trial)
+            specification.believed(trial)
         except InputError as error:
-            raise source.error(_named("vary", str(error)), f"trial {index}: {error}") from None
+            raise source.error(_where("vary", error), f"trial {index}: {error}") from None
 
 
 def _try_loop(source: Source, path: list[str], scenario: Scenario) -> None:
@@ -240,9 +201,8 @@ def _try_loop(source: Source, path: list[str], scenario: Scenario) -> None:
         return  # no motion from there: an outcome
 
 
-def _named(key: str, message: str) -> list[str]:
-    """Where the field that a message names stands in the file."""
-    field = re.search(r"'(\w+)\.(\w+)'", message)
-    if field is None:
+def _where(key: str, error: InputError) -> list[str]:
+    """Where the field that an error names stands in the file."""
+    if error.field is None:
         return [key]
-    return [key, f"{field[1]}.{field[2]}"] if key == "vary" else [key, field[1], field[2]]
+    return [key, error.field] if key == "vary" else [key, *error.field.split(".")]

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flipdiagram.campaign.modes import SUCCESS
-from flipdiagram.campaign.opening import opened
-from flipdiagram.campaign.results import Row
 from flipdiagram.campaign.specification import numeric
 from flipdiagram.errors import InputError
 from flipdiagram.files import atomic_path
+from flipdiagram.flips.outcome import NOT_PHYSICS, SUCCESS
+from flipdiagram.flips.store import Row
+from flipdiagram.flips.store_file import open_to_read
 
 METRICS = {
     "position_rmse_m": "m",
@@ -30,7 +30,7 @@ METRICS = {
     "torque_use": "1",
 }
 """Metrics of a flip that become variables, with their units; torque_use: largest torque of any joint over its limit."""
-FORMATS = {".csv": "CSV", ".parquet": "Parquet", ".nc": "NetCDF"}
+FORMATS = (".csv", ".parquet", ".nc")
 
 
 def load_dataset(path: str | Path) -> xr.Dataset:
@@ -38,7 +38,7 @@ def load_dataset(path: str | Path) -> xr.Dataset:
 
     Coordinates: trial, architecture; of each trial the seed and each varied parameter by its name.
     """
-    with opened(path) as results:
+    with open_to_read(path) as results:
         specification, rows, digest = results.specification(), list(results.rows()), results.meta()["digest"]
     return to_dataset(specification, rows).assign_attrs(digest=digest)
 
@@ -98,6 +98,12 @@ def parameters_of(data: xr.Dataset) -> list[str]:
     return list(json.loads(data.attrs["parameters"]))
 
 
+def counted(part: xr.Dataset) -> np.ndarray:
+    """Which trials of an architecture say something about its controller, shape (trial,)."""
+    outcome = part["outcome"].values
+    return ~np.isin(outcome, ["", *NOT_PHYSICS])
+
+
 def export(path: str | Path, target: str | Path) -> Path:
     """Write a campaign's file as .csv or .parquet, one row a flip, or as .nc; returns the path written.
 
@@ -105,7 +111,7 @@ def export(path: str | Path, target: str | Path) -> Path:
     """
     target = Path(target)
     if target.suffix not in FORMATS:
-        raise InputError(f"--export = '{target}' is not valid; valid is a name that ends with {', '.join(FORMATS)}")
+        raise InputError.of("--export", str(target), f"a name that ends with {', '.join(FORMATS)}")
     data = load_dataset(path)
     with atomic_path(target) as temporary:
         if target.suffix == ".nc":
@@ -116,16 +122,12 @@ def export(path: str | Path, target: str | Path) -> Path:
             )
             return target
         frame = _flat(data)
-        if target.suffix == ".csv":
-            frame.to_csv(temporary, index=False)
-            return target
         try:
-            frame.to_parquet(temporary, index=False)
+            (frame.to_csv if target.suffix == ".csv" else frame.to_parquet)(temporary, index=False)
         except ImportError:
-            raise InputError(
-                f"--export = '{target}' needs pyarrow, which is not installed; install it with: pip install pyarrow,"
-                " or export .csv"
-            ) from None
+            valid = "pip install pyarrow, or export .csv"
+            text = f"--export = '{target}' needs pyarrow, which is not installed; install it with: {valid}"
+            raise InputError(text, field="--export", value=str(target), valid=valid) from None
     return target
 
 

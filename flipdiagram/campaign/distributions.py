@@ -16,8 +16,8 @@ KINDS = {
     "loguniform": "[low, high] with 0 < low < high",
     "normal": "[mean, standard deviation above 0]",
     "integers": "[low, high], whole numbers with low < high",
-    "choice": "a list of at least one value",
-    "grid": "a list of at least one value",
+    "choice": "a list of at least one value, each once",
+    "grid": "a list of at least one value, each once",
 }
 """Name in the file → what it takes."""
 DISCRETE = ("integers", "choice", "grid")
@@ -63,7 +63,7 @@ class Distribution:
         """The share u of which `value` is the value; None where it cannot be drawn."""
         if (values := self.values) is not None:
             return (values.index(value) + 0.5) / len(values) if value in values else None
-        if not _finite(value) or (self.kind == "loguniform" and value <= 0):
+        if not is_number(value) or (self.kind == "loguniform" and value <= 0):
             return None
         first, second = self.numbers
         if self.kind == "normal":
@@ -89,47 +89,40 @@ def distribution(data: Any) -> Distribution:
     """From what stands in a file, {'uniform': [0, 1]}; raises DistributionError."""
     if not isinstance(data, Mapping) or not data:
         raise DistributionError(f"valid is one of {', '.join(f'{{{kind}: …}}' for kind in KINDS)}")
-    extra = [name for name in data if name not in (*KINDS, "clip")]
-    if extra:
-        raise DistributionError(f"'{extra[0]}' is no distribution; valid are {', '.join(KINDS)} and clip")
+    for name in data:
+        if name not in (*KINDS, "clip"):
+            raise DistributionError(f"'{name}' is no distribution; valid are {', '.join(KINDS)} and clip")
     kinds = [name for name in data if name != "clip"]
     if len(kinds) != 1:
         raise DistributionError(f"one distribution is needed; valid are {', '.join(KINDS)}")
-    kind = kinds[0]
-    valid = DistributionError(f"{kind} is not valid; valid is {KINDS[kind]}")
-    values = data[kind]
-    if not isinstance(values, Sequence) or isinstance(values, str) or not values:
-        raise valid
-    if kind in ("choice", "grid"):
-        plain = tuple(tuple(value) if isinstance(value, list) else value for value in values)
-        if any(isinstance(value, Mapping) for value in plain) or len({repr(value) for value in plain}) < len(plain):
-            raise DistributionError(f"{kind} is not valid; valid is a list of values, each once")
-        if "clip" in data:
-            raise DistributionError(f"clip does not go with {kind}; valid is a list of the values wanted")
-        return Distribution(kind, plain)
-    if len(values) != 2 or not all(_finite(value) for value in values):
-        raise valid
-    first, second = values
-    wrong = {
-        "uniform": not first < second,
-        "loguniform": not 0 < first < second,
-        "normal": not second > 0,
-        "integers": not (isinstance(first, int) and isinstance(second, int) and first < second),
-    }[kind]
-    if wrong:
-        raise valid
-    return Distribution(kind, (first, second), _clip(data, kind))
-
-
-def _clip(data: Mapping[str, Any], kind: str) -> tuple[float, float] | None:
+    kind, values = kinds[0], data[kinds[0]]
+    if not isinstance(values, Sequence) or isinstance(values, str) or not values or not _fits(kind, values):
+        raise DistributionError(f"{kind} is not valid; valid is {KINDS[kind]}")
     if "clip" not in data:
-        return None
+        return Distribution(kind, tuple(tuple(value) if isinstance(value, list) else value for value in values))
     clip = data["clip"]
-    good = isinstance(clip, list) and len(clip) == 2 and all(_finite(value) for value in clip) and clip[0] < clip[1]
-    if not good or kind == "integers":
+    if kind in ("choice", "grid"):
+        raise DistributionError(f"clip does not go with {kind}; valid is a list of the values wanted")
+    if kind == "integers" or not isinstance(clip, list) or len(clip) != 2 or not _fits("uniform", clip):
         raise DistributionError(f"clip of {kind} is not valid; valid is [low, high] with low < high, not for integers")
-    return float(clip[0]), float(clip[1])
+    return Distribution(kind, tuple(values), (float(clip[0]), float(clip[1])))
 
 
-def _finite(value: Any) -> bool:
+def _fits(kind: str, values: Sequence[Any]) -> bool:
+    """Whether numbers or values are what a kind takes."""
+    if kind in ("choice", "grid"):
+        return not any(isinstance(value, Mapping) for value in values) and len(set(map(repr, values))) == len(values)
+    if len(values) != 2 or not all(map(is_number, values)):
+        return False
+    first, second = values
+    return {
+        "uniform": first < second,
+        "loguniform": 0 < first < second,
+        "normal": second > 0,
+        "integers": isinstance(first, int) and isinstance(second, int) and first < second,
+    }[kind]
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a finite number, which true and false are not."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

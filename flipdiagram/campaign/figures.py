@@ -14,9 +14,9 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from flipdiagram.campaign.modes import MODES, SUCCESS
 from flipdiagram.campaign.sensitivity import strength
-from flipdiagram.figures.motion import NAMES, RC, STYLES, save
+from flipdiagram.figures.style import NAMES, RC, STYLES, save
+from flipdiagram.flips.outcome import MODES, SUCCESS
 
 Summary = Mapping[str, Any]
 
@@ -36,13 +36,14 @@ COLOURS = {
 }
 """Of the outcomes, in the order of `MODES`; Okabe and Ito's and Tol's, which colour-blind readers can tell apart."""
 MOST_PARAMETERS = 10
+CENTRED: Mapping[str, Any] = {"ha": "center", "va": "center"}
 TARGETS = {"success": "turned over", "position_rmse_m": "position RMSE"}
 
 
 def write_figures(summary: Summary, data: xr.Dataset, out: Path) -> list[str]:
     """Write every figure for which there is data, as PNG and SVG; returns their names without suffix."""
     figures = {"campaign_success": plot_success(summary)}
-    if any(_has_effect(found) for found in summary["sensitivity"].values()):
+    if any(_has_effect(targets) for targets in summary["sensitivity"].values()):
         figures["campaign_sensitivity"] = plot_sensitivity(summary)
     if summary["map"] is not None:
         figures["campaign_map"] = plot_map(summary)
@@ -65,30 +66,23 @@ def plot_success(summary: Summary) -> Figure:
             left.plot(interval, [k, k], color=colour, linewidth=5, alpha=0.4)
             if entry["rate"] is not None:
                 left.plot(100 * entry["rate"], k, "o", color=colour, markersize=7)
-        shown = [mode for mode in MODES if any(mode in e["modes"] for e in summary["architectures"].values())]
+        modes = [mode for mode in MODES if any(mode in e["modes"] for e in summary["architectures"].values())]
         for k, name in enumerate(names):
             entry, start = summary["architectures"][name], 0.0
-            for mode in shown:
+            for mode in modes:
                 share = 100 * entry["modes"].get(mode, 0) / max(entry["flips"], 1)
                 label = mode if k == 0 else None
                 right.barh(k, share, left=start, color=COLOURS[mode], label=label, height=0.65, edgecolor="white")
                 if share >= 7:
                     light = np.dot(to_rgba(COLOURS[mode])[:3], (0.3, 0.6, 0.1)) > 0.5
-                    right.text(
-                        start + share / 2,
-                        k,
-                        f"{share:.0f}",
-                        ha="center",
-                        va="center",
-                        color="black" if light else "white",
-                        fontsize=8,
-                    )
+                    colour = "black" if light else "white"
+                    right.text(start + share / 2, k, f"{share:.0f}", color=colour, fontsize=8, **CENTRED)
                 start += share
         left.set_yticks(range(len(names)), [NAMES[name] for name in names])
         left.set(xlim=(-2, 102), xlabel="turned over [%], 95 % interval", ylim=(-0.6, len(names) - 0.4))
         right.set(xlim=(0, 100), xlabel="outcomes [% of the flips]")
-        if shown:
-            right.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(len(shown), 4), frameon=False)
+        if modes:
+            right.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(len(modes), 4), frameon=False)
         _plain(left)
         right.spines[["top", "right"]].set_visible(False)
         right.tick_params(left=False)
@@ -97,9 +91,9 @@ def plot_success(summary: Summary) -> Figure:
 
 def plot_sensitivity(summary: Summary) -> Figure:
     """For each architecture the share of the variance of the ranks that goes with each parameter, with its sign."""
-    found = summary["sensitivity"]
+    by_name = summary["sensitivity"]
     total: dict[str, float] = dict.fromkeys(summary["parameters"], 0.0)
-    for targets in found.values():
+    for targets in by_name.values():
         for target in TARGETS:
             for entry in targets[target]:
                 total[entry["parameter"]] += strength(entry)
@@ -107,9 +101,9 @@ def plot_sensitivity(summary: Summary) -> Figure:
     with rc_context(RC):
         figure = Figure(figsize=(9.0, 0.42 * len(parameters) + 1.5), layout="constrained")
         panels = figure.subplots(1, len(TARGETS), sharey=True, squeeze=False)[0]
-        height = 0.8 / len(found)
+        height = 0.8 / len(by_name)
         for ax, (target, words) in zip(panels, TARGETS.items(), strict=True):
-            for j, (name, targets) in enumerate(found.items()):
+            for j, (name, targets) in enumerate(by_name.items()):
                 entries = {entry["parameter"]: entry for entry in targets[target]}
                 at = [k + 0.4 - (j + 0.5) * height for k in range(len(parameters))]
                 shares = [100 * strength(entries[p]) for p in parameters]
@@ -126,38 +120,31 @@ def plot_sensitivity(summary: Summary) -> Figure:
         words = "share of the variance of the ranks [%];  + −: sign of the rank correlation;  grey: chance"
         figure.supxlabel(words, fontsize=9)
         handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=len(found), frameon=False)
+        figure.legend(handles, labels, loc="outside upper center", ncols=len(by_name), frameon=False)
     return figure
 
 
 def plot_map(summary: Summary) -> Figure:
     """Success rate over the two parameters that matter most, one panel an architecture; numbers: flips in the cell."""
-    drawn = summary["map"]
-    names = list(drawn["architectures"])
+    cells = summary["map"]
+    names = list(cells["architectures"])
     with rc_context(RC):
         figure = Figure(figsize=(2.5 * len(names) + 1.3, 3.1), layout="constrained")
         panels = figure.subplots(1, len(names), sharex=True, sharey=True, squeeze=False)[0]
         for ax, name in zip(panels, names, strict=True):
-            trials = np.array(drawn["architectures"][name]["trials"], dtype=float)
-            won = np.array(drawn["architectures"][name]["successes"], dtype=float)
+            trials = np.array(cells["architectures"][name]["trials"], dtype=float)
+            won = np.array(cells["architectures"][name]["successes"], dtype=float)
             rate = np.divide(100 * won, trials, out=np.full_like(won, np.nan), where=trials > 0)
             ax.set_facecolor("0.92")
             image = ax.imshow(rate, origin="lower", aspect="auto", cmap="viridis", vmin=0, vmax=100)
             for (j, i), count in np.ndenumerate(trials):
                 if count:
-                    ax.text(
-                        i,
-                        j,
-                        f"{count:.0f}",
-                        ha="center",
-                        va="center",
-                        fontsize=7,
-                        color="black" if rate[j, i] > 55 else "white",
-                    )
+                    colour = "black" if rate[j, i] > 55 else "white"
+                    ax.text(i, j, f"{count:.0f}", color=colour, fontsize=7, **CENTRED)
             ax.set_title(NAMES[name], color=STYLES[name].color, fontweight="bold", fontsize=10)
-            _ticks(ax, drawn["x"], drawn["y"])
-        panels[0].set_ylabel(_short(drawn["y"]["parameter"]))
-        figure.supxlabel(_short(drawn["x"]["parameter"]), fontsize=9)
+            _ticks(ax, cells["x"], cells["y"])
+        panels[0].set_ylabel(_short(cells["y"]["parameter"]))
+        figure.supxlabel(_short(cells["x"]["parameter"]), fontsize=9)
         figure.colorbar(image, ax=list(panels), label="turned over [%]", pad=0.01)
     return figure
 
@@ -167,11 +154,11 @@ def plot_errors(data: xr.Dataset) -> Figure:
     with rc_context(RC):
         figure = Figure(figsize=(9.0, 3.3), layout="constrained")
         panels = figure.subplots(1, 2, sharey=True)
-        shown = (
+        quantities = (
             ("position_rmse_m", 100, "position RMSE [cm]"),
             ("torque_use", 1, "largest joint torque over its limit [1]"),
         )
-        for ax, (name, factor, label) in zip(panels, shown, strict=True):
+        for ax, (name, factor, label) in zip(panels, quantities, strict=True):
             for architecture in data["architecture"].values:
                 values = np.sort(data[name].sel(architecture=architecture).values * factor)
                 values = values[np.isfinite(values)]
@@ -209,17 +196,9 @@ def plot_tuning(tuning: Summary) -> Figure:
         left.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
         for k, part in enumerate(("search", "held_out")):
             for j, (side, colour) in enumerate((("default", "#0072B2"), ("tuned", "#D55E00"))):
-                entry, x = tuning[part][side], k + 0.16 * (2 * j - 1)
-                low, high = 100 * (entry["rate"] - entry["low"]), 100 * (entry["high"] - entry["rate"])
-                right.errorbar(
-                    x,
-                    100 * entry["rate"],
-                    yerr=[[low], [high]],
-                    fmt="o",
-                    color=colour,
-                    capsize=4,
-                    label=side if k == 0 else None,
-                )
+                rate, low, high = (100 * tuning[part][side][name] for name in ("rate", "low", "high"))
+                x, label = k + 0.16 * (2 * j - 1), side if k == 0 else None
+                right.errorbar(x, rate, [[rate - low], [high - rate]], fmt="o", color=colour, capsize=4, label=label)
         right.set_xticks([0, 1], ["search", "held out"])
         right.set(xlim=(-0.5, 1.5), ylim=(-2, 102), ylabel="turned over [%], 95 % interval")
         right.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
@@ -229,7 +208,7 @@ def plot_tuning(tuning: Summary) -> Figure:
 
 
 def _has_effect(targets: Mapping[str, Any]) -> bool:
-    return any(entry["explained"] is not None for found in targets.values() for entry in found)
+    return any(entry["explained"] is not None for entries in targets.values() for entry in entries)
 
 
 def _ticks(ax: Axes, x: Mapping[str, Any], y: Mapping[str, Any]) -> None:

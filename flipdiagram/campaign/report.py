@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from flipdiagram.campaign.analysis import analyse
-from flipdiagram.campaign.conduct import FILE
 from flipdiagram.campaign.dataset import load_dataset
 from flipdiagram.campaign.figures import plot_tuning, write_figures
+from flipdiagram.campaign.run import FILE
 from flipdiagram.campaign.tables import section, tuning_section
-from flipdiagram.figures.motion import save
+from flipdiagram.figures.style import save
 from flipdiagram.files import write_atomically, write_summary
 from flipdiagram.scenario.scenario import Scenario, from_mapping
 

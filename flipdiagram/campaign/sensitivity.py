@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.stats import rankdata, sobol_indices, spearmanr
 
 from flipdiagram.arrays import Floats, Indices
-from flipdiagram.campaign.dataset import parameters_of
-from flipdiagram.campaign.modes import NOT_PHYSICS
+from flipdiagram.campaign.dataset import counted, parameters_of
 
 FEWEST = 8
 """Trials below which nothing is said."""
@@ -29,15 +28,10 @@ def sensitivities(data: xr.Dataset, architecture: str, target: str) -> list[dict
     varies); explained: share of the variance of the target's ranks that goes with the parameter, corrected for chance.
     """
     part = data.sel(architecture=architecture)
-    counted = (part["outcome"] != "") & ~part["outcome"].isin(NOT_PHYSICS)
-    wanted = np.asarray(part[target].values, dtype=float)
-    counted = counted.values & np.isfinite(wanted)
-    found = []
-    for name in parameters_of(data):
-        values = part[name].values[counted]
-        entry = {"parameter": name} | _one(values, wanted[counted])
-        found.append(entry)
-    return sorted(found, key=lambda entry: -strength(entry))
+    measured = np.asarray(part[target].values, dtype=float)
+    among = counted(part) & np.isfinite(measured)
+    entries = [{"parameter": p} | _sensitivity(part[p].values[among], measured[among]) for p in parameters_of(data)]
+    return sorted(entries, key=lambda entry: -strength(entry))
 
 
 def strength(entry: Mapping[str, Any]) -> float:
@@ -50,15 +44,14 @@ def chance(trials: int) -> float:
     return min(3.84 / max(trials - 1, 1), 1.0)
 
 
-def _one(values: np.ndarray, target: Floats) -> dict[str, Any]:
-    nothing = {"rho": None, "p": None, "explained": None}
+def _sensitivity(values: np.ndarray, target: Floats) -> dict[str, Any]:
     if len(target) < FEWEST or np.ptp(target) == 0 or len(set(values.tolist())) < 2:
-        return nothing
-    found: dict[str, Any] = dict(nothing, explained=explained(groups_of(values), target))
-    if values.dtype.kind == "f":
-        result = spearmanr(values, target)
-        found |= {"rho": float(result.statistic), "p": float(result.pvalue)}
-    return found
+        return {"rho": None, "p": None, "explained": None}
+    share = explained(groups_of(values), target)
+    if values.dtype.kind != "f":
+        return {"rho": None, "p": None, "explained": share}
+    result = spearmanr(values, target)
+    return {"rho": float(result.statistic), "p": float(result.pvalue), "explained": share}
 
 
 def groups_of(values: np.ndarray) -> Indices:
@@ -88,13 +81,13 @@ def sobol(data: xr.Dataset, architecture: str) -> list[dict[str, Any]] | None:
     if data.attrs["sampler"] != "saltelli" or data.sizes["trial"] != data.attrs["trials"]:
         return None
     part = data.sel(architecture=architecture)
-    if bool(((part["outcome"] == "") | part["outcome"].isin(NOT_PHYSICS)).any()):
+    if not counted(part).all():
         return None
     won = part["success"].values.astype(float)
     n = len(won) // (len(names) + 2)
     if np.ptp(won) == 0 or not math.log2(n).is_integer():
         return None
     blocks = won.reshape(len(names) + 2, 1, n)
-    found = sobol_indices(func={"f_A": blocks[0], "f_B": blocks[1], "f_AB": blocks[2:]}, n=n)
-    indices = zip(names, np.ravel(found.first_order), np.ravel(found.total_order), strict=True)
+    result = sobol_indices(func={"f_A": blocks[0], "f_B": blocks[1], "f_AB": blocks[2:]}, n=n)
+    indices = zip(names, np.ravel(result.first_order), np.ravel(result.total_order), strict=True)
     return [{"parameter": name, "first": float(first), "total": float(total)} for name, first, total in indices]

@@ -14,7 +14,8 @@ import numpy as np
 from flipdiagram.arrays import Floats
 from flipdiagram.campaign import sampling
 from flipdiagram.campaign.distributions import Distribution
-from flipdiagram.flips.flips import PLAN_SECTIONS
+from flipdiagram.flips.flight import Flight
+from flipdiagram.flips.flip import PLAN_SECTIONS
 from flipdiagram.scenario.scenario import Scenario, field_paths
 
 UNKNOWN_SECTIONS = ("arm", "tool", "object", "table")
@@ -71,7 +72,6 @@ class Specification:
     """The file, as it was read."""
     name: str = "campaign.yaml"
     """What it is called in errors."""
-    tune: Mapping[str, Any] | None = None
 
     @cached_property
     def points(self) -> Floats:
@@ -92,11 +92,7 @@ class Specification:
 
     def at_ends(self) -> list[tuple[Dimension, Trial]]:
         """Trials with one dimension at a border and the others as in the base, to be tried before anything runs."""
-        found = []
-        for dimension in self.dimensions:
-            for value in dimension.distribution.ends():
-                found.append((dimension, self._trial(0, [value], [dimension])))
-        return found
+        return [(d, self._trial(0, [value], [d])) for d in self.dimensions for value in d.distribution.ends()]
 
     def _trial(self, index: int, values: Sequence[Any], dimensions: Sequence[Dimension] | None = None) -> Trial:
         overrides: dict[str, Any] = {}
@@ -113,6 +109,12 @@ class Specification:
     def believed(self, trial: Trial) -> Scenario:
         """The scenario that planner and controller go by: without what they do not know."""
         return self.base.with_overrides({path: v for path, v in trial.overrides.items() if not self.unknown(path)})
+
+    def flights(self, index: int, architectures: Sequence[str]) -> list[Flight]:
+        """A trial under each of the architectures."""
+        trial = self.trial(index)
+        truth, believed = self.truth(trial), self.believed(trial)
+        return [Flight(index, truth, believed, a, trial.seed, trial.values, trial.overrides) for a in architectures]
 
     def unknown(self, path: str) -> bool:
         """Whether planner and controller do not know a field's drawn value."""
@@ -146,12 +148,6 @@ class Specification:
     def digest(self) -> str:
         """Name of the campaign: changes with anything that changes a result, not with comments or order of keys."""
         return hashlib.sha256(json.dumps(self.as_dict(), sort_keys=True).encode()).hexdigest()
-
-
-def scenario_digest(scenario: Scenario) -> str:
-    """Name of a scenario, as far as the flip goes."""
-    data = scenario.model_dump(mode="json", exclude={"one_dof", "frequency"})
-    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
 
 def value_of(scenario: Scenario, path: str) -> Any:

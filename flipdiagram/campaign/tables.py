@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from flipdiagram.campaign.modes import NOT_PHYSICS, SUCCESS
 from flipdiagram.campaign.sensitivity import strength
+from flipdiagram.flips.outcome import NOT_PHYSICS, SUCCESS
 from flipdiagram.grid import Grid
 
 Summary = Mapping[str, Any]
@@ -17,22 +18,32 @@ FIGURES = (
     ("campaign_map", "Success over the two parameters that matter most"),
     ("campaign_errors", "Position error and torque of all flips, as shares of flips below a value"),
 )
+QUANTITIES = (
+    ("position_rmse_m", 100, 2, "position RMSE [cm]"),
+    ("angle_rmse_rad", 1, 3, "angle RMSE [rad]"),
+    ("acceleration_rmse_m_s2", 1, 2, "acceleration RMSE [m/s²]"),
+    ("max_slip_m", 1000, 1, "slip [mm]"),
+    ("torque_use", 1, 2, "torque over limit"),
+)
+"""Metric, factor, digits and heading of each column of quantiles."""
 SHOWN = 3
 """Parameters named in the table of what matters."""
 
 
 def success_grid(summary: Summary) -> Grid:
     """Success rate and failures of each architecture."""
-    found = summary["architectures"]
-    shown = [mode for mode in _modes(summary) if mode != SUCCESS]
+    modes = Counter[str]()
+    for entry in summary["architectures"].values():
+        modes.update(entry["modes"])
+    failures = [mode for mode, _ in modes.most_common() if mode != SUCCESS]
     rows = []
-    for name, entry in found.items():
+    for name, entry in summary["architectures"].items():
         rate = "–" if entry["rate"] is None else f"{100 * entry['rate']:.1f} %"
         interval = f"{100 * entry['low']:.1f}–{100 * entry['high']:.1f} %"
-        counts = [str(entry["modes"].get(mode, 0)) for mode in shown]
+        counts = [str(entry["modes"].get(mode, 0)) for mode in failures]
         saturated = "–" if entry["saturated"] is None else f"{100 * entry['saturated']:.0f} %"
         rows.append([f"`{name}`", str(entry["counted"]), rate, interval, *counts, saturated])
-    headings = ["architecture", "flips", SUCCESS, "95 % interval (Wilson)", *shown, "a joint at its torque limit"]
+    headings = ["architecture", "flips", SUCCESS, "95 % interval (Wilson)", *failures, "a joint at its torque limit"]
     return Grid(headings, rows, right=headings[1:])
 
 
@@ -40,30 +51,15 @@ def pair_grid(summary: Summary) -> Grid | None:
     """Differences between architectures over the same trials; None with one architecture."""
     rows = []
     for pair in summary["pairs"]:
-        interval = f"{100 * pair['low']:+.1f} to {100 * pair['high']:+.1f}"
-        rows.append(
-            [
-                f"`{pair['first']}` − `{pair['second']}`",
-                str(pair["trials"]),
-                f"{100 * pair['difference']:+.1f}",
-                interval,
-                str(pair["first_only"]),
-                str(pair["second_only"]),
-                _p(pair["p_holm"]),
-            ]
+        names, points = f"`{pair['first']}` − `{pair['second']}`", f"{100 * pair['difference']:+.1f}"
+        interval, only = (
+            f"{100 * pair['low']:+.1f} to {100 * pair['high']:+.1f}",
+            (pair["first_only"], pair["second_only"]),
         )
-    if not rows:
-        return None
-    headings = [
-        "difference",
-        "trials",
-        "points",
-        "95 % interval",
-        "only the first",
-        "only the second",
-        "p (McNemar, Holm)",
-    ]
-    return Grid(headings, rows, right=headings[1:])
+        rows.append([names, str(pair["trials"]), points, interval, *map(str, only), _p(pair["p_holm"])])
+    headings = ["difference", "trials", "points", "95 % interval", "only the first", "only the second"]
+    headings.append("p (McNemar, Holm)")
+    return Grid(headings, rows, right=headings[1:]) if rows else None
 
 
 def sensitivity_grid(summary: Summary) -> Grid:
@@ -72,8 +68,8 @@ def sensitivity_grid(summary: Summary) -> Grid:
     for name, targets in summary["sensitivity"].items():
         for target, words in (("success", SUCCESS), ("position_rmse_m", "position RMSE"), ("torque_use", "torque")):
             known = [entry for entry in targets[target] if entry["explained"] is not None]
-            found = [entry for entry in known if strength(entry) > summary["chance"]][:SHOWN]
-            text = ", ".join(f"`{entry['parameter']}` {_strength(entry)}" for entry in found)
+            beyond = [entry for entry in known if strength(entry) > summary["chance"]][:SHOWN]
+            text = ", ".join(f"`{entry['parameter']}` {_strength(entry)}" for entry in beyond)
             rows.append([f"`{name}`", words, text or ("none" if known else "never varies, or too few flips")])
     words = "parameters, the strongest first: share of the rank variance (rank correlation)"
     title = f"what matters, beyond the {100 * summary['chance']:.0f} % that come about by chance"
@@ -84,8 +80,8 @@ def sobol_grid(summary: Summary) -> Grid | None:
     """Sobol indices of success; None unless the sampler allows them."""
     rows = [
         [f"`{name}`", f"`{entry['parameter']}`", f"{entry['first']:.2f}", f"{entry['total']:.2f}"]
-        for name, found in summary["sobol"].items()
-        for entry in sorted(found, key=lambda entry: -entry["total"])
+        for name, indices in summary["sobol"].items()
+        for entry in sorted(indices, key=lambda entry: -entry["total"])
     ]
     headings = ["architecture", "parameter", "first", "total"]
     return Grid(headings, rows, "Sobol indices of success", headings[2:]) if rows else None
@@ -95,25 +91,9 @@ def quantile_grid(summary: Summary) -> Grid:
     """Median and 95 % quantile of errors and torque, of all flips that flew."""
     rows = []
     for name, entry in summary["architectures"].items():
-        q = entry["quantiles"]
-        rows.append(
-            [
-                f"`{name}`",
-                _quantiles(q["position_rmse_m"], 100, 2),
-                _quantiles(q["angle_rmse_rad"], 1, 3),
-                _quantiles(q["acceleration_rmse_m_s2"], 1, 2),
-                _quantiles(q["max_slip_m"], 1000, 1),
-                _quantiles(q["torque_use"], 1, 2),
-            ]
-        )
-    headings = [
-        "architecture",
-        "position RMSE [cm]",
-        "angle RMSE [rad]",
-        "acceleration RMSE [m/s²]",
-        "slip [mm]",
-        "torque over limit",
-    ]
+        cells = (_quantiles(entry["quantiles"][metric], factor, digits) for metric, factor, digits, _ in QUANTITIES)
+        rows.append([f"`{name}`", *cells])
+    headings = ["architecture", *(heading for *_, heading in QUANTITIES)]
     return Grid(headings, rows, "median (95 % quantile) of all flips that flew", headings[1:])
 
 
@@ -140,9 +120,9 @@ def tuning_grid(tuning: Summary) -> Grid:
     for name, values in tuning["gains"].items():
         rows.append([f"`{name}`", _number(values["default"]), _number(values["tuned"])])
     for part, words in (("search", "search"), ("held_out", "held out")):
-        found = tuning[part]
-        sides = [found[side] for side in ("default", "tuned")]
-        rows.append([f"{SUCCESS}, {words} ({found['trials']} trials)", *(_rate(side) for side in sides)])
+        trials = tuning[part]["trials"]
+        sides = [tuning[part][side] for side in ("default", "tuned")]
+        rows.append([f"{SUCCESS}, {words} ({trials} trials)", *(_rate(side) for side in sides)])
         rows.append([f"{tuning['quantile_name']}, {words}", *(_number(side["quantile"]) for side in sides)])
         if part == "held_out":
             rows.append(["what became of the others, held out", *(_failures(side["modes"]) for side in sides)])
@@ -171,14 +151,6 @@ def _table(grid: Grid | None) -> str:
     return (f"{grid.title}:\n\n" if grid.title else "") + grid.markdown()
 
 
-def _modes(summary: Summary) -> list[str]:
-    found: dict[str, int] = {}
-    for entry in summary["architectures"].values():
-        for mode, count in entry["modes"].items():
-            found[mode] = found.get(mode, 0) + count
-    return sorted(found, key=lambda mode: -found[mode])
-
-
 def _strength(entry: Mapping[str, Any]) -> str:
     rho = "" if entry["rho"] is None else f" ({entry['rho']:+.2f})"
     return f"{100 * strength(entry):.0f} %{rho}"
@@ -191,8 +163,8 @@ def _quantiles(values: Mapping[str, float] | None, factor: float, digits: int) -
 
 
 def _failures(modes: Mapping[str, int]) -> str:
-    found = sorted((mode for mode in modes if mode != SUCCESS), key=lambda mode: -modes[mode])
-    return ", ".join(f"{modes[mode]} {mode}" for mode in found) or "–"
+    failures = sorted((mode for mode in modes if mode != SUCCESS), key=lambda mode: -modes[mode])
+    return ", ".join(f"{modes[mode]} {mode}" for mode in failures) or "–"
 
 
 def _rate(side: Mapping[str, Any]) -> str:

@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from flipdiagram.campaign.modes import MODES, SUCCESS, mode_of
+from flipdiagram.campaign.run import WORK, Progress
 from flipdiagram.campaign.specification import Specification, value_of
-from flipdiagram.campaign.statistics import mcnemar, paired_difference, wilson
+from flipdiagram.campaign.statistics import mcnemar, paired_counts, paired_difference, wilson
 from flipdiagram.campaign.tuning import Goal, Tune
 from flipdiagram.errors import InputError
-from flipdiagram.flips.driver import WORK, Job, fly_all
-from flipdiagram.flips.engine import Engine
-from flipdiagram.flips.engines import engine
-from flipdiagram.flips.flips import Clock, Flip, Outcome
-from flipdiagram.flips.store import Store
-from flipdiagram.flips.work import Landed, Planned, Work
+from flipdiagram.flips.driver import Flying, fly_all
+from flipdiagram.flips.flight import Flight, Work
+from flipdiagram.flips.flip import Flip
+from flipdiagram.flips.outcome import MODES, SUCCESS, Outcome
+from flipdiagram.flips.run import Clock
+from flipdiagram.flips.store_file import open_to_write
+from flipdiagram.flips.workers import workers_of
 
 BATCH = 4
 """Sets of gains tried at a time: the search is the same on any number of workers."""
@@ -29,7 +27,6 @@ STARTUP = 8
 """Sets drawn at random before the search learns."""
 
 Gains = Mapping[str, Any]
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -43,7 +40,7 @@ class Candidate:
     @property
     def won(self) -> list[bool]:
         """Whether the block was turned over, by trial."""
-        return [mode_of(outcome.failure, outcome.metrics) == SUCCESS for outcome in self.outcomes]
+        return [outcome.mode == SUCCESS for outcome in self.outcomes]
 
     @property
     def score(self) -> float:
@@ -59,7 +56,7 @@ class Candidate:
         """Rate, interval, quantile, and how many flips ended how."""
         won = sum(self.won)
         low, high = wilson(won, len(self.won))
-        ended = Counter(mode_of(outcome.failure, outcome.metrics) for outcome in self.outcomes)
+        ended = Counter(outcome.mode for outcome in self.outcomes)
         return {
             "rate": won / len(self.won),
             "low": low,
@@ -71,7 +68,7 @@ class Candidate:
 
 def tune(
     specification: Specification,
-    wanted: Tune,
+    tuning: Tune,
     out: str | Path,
     *,
     jobs: int | None = None,
@@ -84,33 +81,34 @@ def tune(
     Each flip is kept in `out`/tune.sqlite as it ends: an interrupted search goes on where it was.  Raises InputError
     where optuna is not installed or a file or cluster cannot be used.
     """
-    search = _Search(wanted)
-    held_out = held_out_trials(specification, wanted)
-    with Store(Path(out) / "tune.sqlite") as store, engine(jobs, scheduler) as found:
-        count = max(wanted.budget // specification.trials, 2)
-        clock = Clock(count * specification.trials + 2 * held_out.trials)
-        flyer = _Flyer(store, found, wanted, work, clock, progress)
-        default = {path: value_of(specification.base, path) for path in wanted.over}
+    search = _Search(tuning)
+    held_out = held_out_trials(specification, tuning)
+    count = max(tuning.budget // specification.trials, 2)
+    clock = Clock(count * specification.trials + 2 * held_out.trials, progress)
+    file = open_to_write(Path(out) / "tune.sqlite", {"digest": "flips of a tuner"})
+    with file as store, workers_of(jobs, scheduler) as workers:
+        flyer = _Flyer(Flying(workers, store, work, specification.timeout, clock.tick), tuning, clock)
+        default = {path: value_of(specification.base, path) for path in tuning.over}
         tried = flyer.fly(specification, [default])
         search.tell_default(tried[0])
         while len(tried) < count:
             progress(f"{len(tried)} of {count} sets of gains, best: {_best(tried).as_dict()['rate']:.0%} turned over")
-            asked = search.ask(min(BATCH, count - len(tried)))
+            asked = [search.ask() for _ in range(min(BATCH, count - len(tried)))]
             new = flyer.fly(specification, [gains for _, gains in asked])
             for (question, _), candidate in zip(asked, new, strict=True):
-                search.tell(question, candidate)
+                search.study.tell(question, candidate.score)
             tried += new
         best = _best(tried)
         progress(f"the default and the best on {held_out.trials} held-out trials")
         judged = flyer.fly(held_out, [default, best.gains])
-    return _summary(specification, wanted, tried, best, judged)
+    return _summary(specification, tuning, tried, best, judged)
 
 
-def held_out_trials(specification: Specification, wanted: Tune) -> Specification:
+def held_out_trials(specification: Specification, tuning: Tune) -> Specification:
     """Trials of the same distributions that the search does not see."""
     sampler = "random" if specification.sampler in ("grid", "saltelli") else specification.sampler
     seed = (specification.seed + 0x5EED) % 2**32
-    return replace(specification, seed=seed, trials=wanted.held_out, sampler=sampler)
+    return replace(specification, seed=seed, trials=tuning.held_out, sampler=sampler)
 
 
 def _best(tried: Sequence[Candidate]) -> Candidate:
@@ -120,104 +118,77 @@ def _best(tried: Sequence[Candidate]) -> Candidate:
 class _Search:
     """optuna's TPE over the unit cube of the gains' distributions."""
 
-    def __init__(self, wanted: Tune) -> None:
+    def __init__(self, tuning: Tune) -> None:
         try:
             import optuna
         except ImportError:
             raise InputError("tuning needs optuna; install it with: pip install 'flipdiagram[tune]'") from None
         optuna.logging.set_verbosity(optuna.logging.WARNING)
-        self._optuna, self._wanted = optuna, wanted
-        sampler = optuna.samplers.TPESampler(seed=wanted.seed % 2**32, n_startup_trials=STARTUP)
-        self._study = optuna.create_study(direction="maximize", sampler=sampler)
-        self._space: dict[str, Any] = {path: optuna.distributions.FloatDistribution(0.0, 1.0) for path in wanted.over}
+        self._optuna, self._tuning = optuna, tuning
+        sampler = optuna.samplers.TPESampler(seed=tuning.seed % 2**32, n_startup_trials=STARTUP)
+        self.study = optuna.create_study(direction="maximize", sampler=sampler)
+        self._space: dict[str, Any] = {path: optuna.distributions.FloatDistribution(0.0, 1.0) for path in tuning.over}
 
     def tell_default(self, candidate: Candidate) -> None:
         """Where the default stands and how well it does, if it can be drawn at all."""
-        at = {path: d.position(candidate.gains[path]) for path, d in self._wanted.over.items()}
+        at = {path: d.position(candidate.gains[path]) for path, d in self._tuning.over.items()}
         if None not in at.values():
             trial = self._optuna.trial.create_trial(params=at, distributions=self._space, value=candidate.score)
-            self._study.add_trial(trial)
+            self.study.add_trial(trial)
 
-    def ask(self, count: int) -> list[tuple[Any, Gains]]:
-        """Questions with the gains to be tried."""
-        found: list[tuple[Any, Gains]] = []
-        for _ in range(count):
-            question = self._study.ask(self._space)
-            found.append((question, {path: d.value(question.params[path]) for path, d in self._wanted.over.items()}))
-        return found
-
-    def tell(self, question: Any, candidate: Candidate) -> None:
-        """How well a set of gains did."""
-        self._study.tell(question, candidate.score)
+    def ask(self) -> tuple[Any, Gains]:
+        """A question, for `study.tell`, and the gains to be tried."""
+        question = self.study.ask(self._space)
+        return question, {path: d.value(question.params[path]) for path, d in self._tuning.over.items()}
 
 
 class _Flyer:
     """Flies sets of gains over trials; what the store holds is not flown again."""
 
-    def __init__(
-        self, store: Store, engine: Engine, wanted: Tune, work: Work, clock: Clock, progress: Progress
-    ) -> None:
-        self._store, self._engine, self._wanted, self._work = store, engine, wanted, work
-        self._clock, self._progress = clock, progress
+    def __init__(self, flying: Flying, tuning: Tune, clock: Clock) -> None:
+        self._flying, self._tuning, self._clock = flying, tuning, clock
 
     def fly(self, specification: Specification, candidates: Sequence[Gains]) -> list[Candidate]:
         """The candidates with their outcomes."""
-        jobs: list[list[str]] = []
-        missing: dict[str, Job] = {}
+        name, store = self._tuning.architecture, self._flying.store
+        keys: list[list[str]] = []
+        missing: dict[str, Flight] = {}
         for gains in candidates:
             tuned = replace(specification, base=specification.base.with_overrides(gains))
-            keys = []
-            for index in range(specification.trials):
-                trial = tuned.trial(index)
-                job = Job("", tuned.truth(trial), tuned.believed(trial), self._wanted.architecture, trial.seed)
-                job.name = _key(job)
-                keys.append(job.name)
-                if self._store.outcome(job.name) is None:
-                    missing[job.name] = job
-            jobs.append(keys)
+            flights = [(_key(f), f) for k in range(specification.trials) for f in tuned.flights(k, [name])]
+            missing |= {key: replace(f, trial=key) for key, f in flights if store.outcome(key, name) is None}
+            keys.append([key for key, _ in flights])
         self._clock.total -= len(candidates) * specification.trials - len(missing)  # of an earlier run
-        fly_all(missing.values(), self._engine, self, specification.timeout, self._work)
-        found = [tuple(Outcome.from_json(self._store.outcome(key) or "") for key in keys) for keys in jobs]
-        return [Candidate(gains, o, self._wanted.goal) for gains, o in zip(candidates, found, strict=True)]
-
-    def plan(self, key: str) -> Planned | None:
-        return self._store.plan(key)
-
-    def put_plan(self, key: str, plan: str | None, error: str | None) -> None:
-        self._store.put_plan(key, plan, error)
-
-    def keep(self, ended: list[tuple[Job, Landed]]) -> None:
-        for job, landed in ended:
-            text = landed.outcome.to_json()
-            self._store.put_outcome(job.name, job.architecture, job.truth.to_yaml(), text, landed.seconds)
-            self._progress(f"flips {self._clock.tick()}")
+        fly_all(missing.values(), self._flying)
+        outcomes = [tuple(o for key in one if (o := store.outcome(key, name)) is not None) for one in keys]
+        return [Candidate(gains, o, self._tuning.goal) for gains, o in zip(candidates, outcomes, strict=True)]
 
 
-def _key(job: Job) -> str:
-    return hashlib.sha256(f"{Flip(job.truth, job.architecture).key} {job.plan_key}".encode()).hexdigest()
+def _key(flight: Flight) -> str:
+    """Name of what decides the outcome."""
+    return f"{Flip(flight.truth, flight.architecture).key} {flight.plan_key}"
 
 
 def _summary(
-    specification: Specification, wanted: Tune, tried: Sequence[Candidate], best: Candidate, judged: Sequence[Candidate]
+    specification: Specification, tuning: Tune, tried: Sequence[Candidate], best: Candidate, judged: Sequence[Candidate]
 ) -> dict[str, Any]:
     default, tuned = judged
-    a, b = np.array(tuned.won), np.array(default.won)
-    first, second = int((a & ~b).sum()), int((~a & b).sum())
-    difference, low, high = paired_difference(int((a & b).sum()), first, second, int((~a & ~b).sum()))
+    counts = paired_counts(tuned.won, default.won)
+    difference, low, high = paired_difference(*counts)
     return {
-        "architecture": wanted.architecture,
-        "objective": wanted.goal.text,
-        "quantile_name": wanted.goal.quantile_name,
+        "architecture": tuning.architecture,
+        "objective": tuning.goal.text,
+        "quantile_name": tuning.goal.quantile_name,
         "candidates": len(tried),
         "flips": len(tried) * specification.trials,
         "best": tried.index(best),
-        "gains": {path: {"default": tried[0].gains[path], "tuned": best.gains[path]} for path in wanted.over},
+        "gains": {path: {"default": tried[0].gains[path], "tuned": best.gains[path]} for path in tuning.over},
         "search": {"trials": specification.trials, "default": tried[0].as_dict(), "tuned": best.as_dict()},
         "held_out": {
             "trials": len(default.won),
             "default": default.as_dict(),
             "tuned": tuned.as_dict(),
-            "difference": {"difference": difference, "low": low, "high": high, "p": mcnemar(first, second)},
+            "difference": {"difference": difference, "low": low, "high": high, "p": mcnemar(*counts[1:3])},
         },
         "history": [c.as_dict() | {"gains": dict(c.gains), "score": c.score} for c in tried],
     }

@@ -12,16 +12,14 @@ import numpy as np
 
 from flipdiagram.campaign.checks import specification
 from flipdiagram.campaign.distributions import Distribution, DistributionError, distribution
-from flipdiagram.campaign.reading import Source, read
 from flipdiagram.campaign.specification import Specification
+from flipdiagram.campaign.specification_file import Source, TuneSection, read
 from flipdiagram.errors import InputError
-from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, field_paths
+from flipdiagram.scenario.scenario import Scenario, field_paths
 from flipdiagram.scenario.text import unknown_field
 
-KEYS = ("architecture", "over", "objective", "budget", "held_out", "seed")
 SECTIONS = ("controller", "planner")
 """Where gains and margins stand."""
-METRICS = ("position_rmse_m", "angle_rmse_rad", "acceleration_rmse_m_s2", "max_slip_m")
 FAILED = 10.0
 """Counted as the error of a flip that failed: more than any that succeeds."""
 
@@ -48,8 +46,8 @@ class Goal:
         """Over all trials, a failed one beyond every other; None where it falls on failed ones."""
         pairs = zip(won, errors, strict=True)
         counted = [e if ok and e is not None and math.isfinite(e) else FAILED for ok, e in pairs]
-        found = float(np.quantile(counted, self.quantile, method="higher"))
-        return None if found == FAILED else found
+        quantile = float(np.quantile(counted, self.quantile, method="higher"))
+        return None if quantile == FAILED else quantile
 
     def score(self, won: Sequence[bool], errors: Sequence[float | None]) -> float:
         """Higher is better."""
@@ -77,40 +75,36 @@ class Tune:
 def load_tuning(path: str | Path, changes: Mapping[str, Any] | None = None) -> tuple[Specification, Tune]:
     """Read and check a campaign file with its section `tune`, as `load_specification`; InputError with the line."""
     source = read(path)
-    found = specification(source, Path(path).parent, changes)
-    return found, tuning(source, found)
+    campaign = specification(source, Path(path).parent, changes)
+    return campaign, tuning(source, campaign)
 
 
-def tuning(source: Source, found: Specification) -> Tune:
+def tuning(source: Source, campaign: Specification) -> Tune:
     """Check the section `tune` of a campaign."""
-    data = found.tune
+    data = source.data.get("tune")
     if not isinstance(data, Mapping):
         raise source.bad(["tune"], data, "architecture, over: {field: {distribution: [numbers]}}, budget, held_out")
-    for key in data:
-        if key not in KEYS:
-            raise source.error(["tune", str(key)], f"tune: unknown key {key!r}; valid are {', '.join(KEYS)}")
-    architecture = data.get("architecture", "pd+ff+dob")
-    if architecture not in ARCHITECTURES:
-        raise source.bad(["tune", "architecture"], architecture, f"one of {', '.join(ARCHITECTURES)}")
+    section = source.validated(TuneSection, data, ("tune",))
+    if section.budget < 2 * campaign.trials:
+        raise source.bad(["tune", "budget"], section.budget, f"a whole number of at least {2 * campaign.trials}")
+    quantile = section.objective
     return Tune(
-        architecture,
-        _over(source, found, data.get("over")),
-        _goal(source, data.get("objective", "success")),
-        _whole(source, data, "budget", 2 * found.trials),
-        _whole(source, data, "held_out", 4),
-        _whole(source, data, "seed", 0, found.seed),
+        section.architecture,
+        _over(source, campaign, section.over),
+        Goal() if isinstance(quantile, str) else Goal(False, quantile.quantile, quantile.of),
+        section.budget,
+        section.held_out,
+        section.seed if "seed" in section.model_fields_set else campaign.seed,
     )
 
 
-def _over(source: Source, found: Specification, data: Any) -> dict[str, Distribution]:
-    if not isinstance(data, Mapping) or not data:
-        raise source.bad(["tune", "over"], data, "'field: {distribution: [numbers]}', at least one")
-    varied = {field for dimension in found.dimensions for field in dimension.fields}
+def _over(source: Source, campaign: Specification, data: Mapping[str, Any]) -> dict[str, Distribution]:
+    varied = {field for dimension in campaign.dimensions for field in dimension.fields}
     over = {}
     for key, value in data.items():
-        path = ["tune", "over", str(key)]
+        path = ["tune", "over", key]
         if key not in field_paths():
-            raise source.error(path, str(unknown_field(Scenario, str(key))))
+            raise source.error(path, str(unknown_field(Scenario, key)))
         if key.split(".")[0] not in SECTIONS:
             raise source.error(path, f"{key} cannot be chosen; valid are fields of {' and '.join(SECTIONS)}")
         if key in varied:
@@ -118,24 +112,7 @@ def _over(source: Source, found: Specification, data: Any) -> dict[str, Distribu
         try:
             over[key] = distribution(value)
             for end in over[key].ends():
-                found.base.with_overrides({key: end})
+                campaign.base.with_overrides({key: end})
         except (DistributionError, InputError) as error:
             raise source.error(path, f"{key}: {error}") from None
     return over
-
-
-def _goal(source: Source, data: Any) -> Goal:
-    if data == "success":
-        return Goal()
-    good = isinstance(data, Mapping) and set(data) == {"quantile", "of"} and data["of"] in METRICS
-    if not good or not isinstance(data["quantile"], float) or not 0 < data["quantile"] < 1:
-        valid = f"success, or {{quantile: 0.9, of: position_rmse_m}} with one of {', '.join(METRICS)}"
-        raise source.bad(["tune", "objective"], data, valid)
-    return Goal(False, data["quantile"], data["of"])
-
-
-def _whole(source: Source, data: Mapping[str, Any], key: str, least: int, default: int | None = None) -> int:
-    value = data.get(key, default)
-    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= 2**32 - 1:
-        raise source.bad(["tune", key], value, f"a whole number of at least {least}")
-    return value

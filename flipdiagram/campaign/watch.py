@@ -6,9 +6,9 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flipdiagram.campaign.modes import MODES, NOT_PHYSICS, SUCCESS
-from flipdiagram.campaign.opening import is_running, opened
 from flipdiagram.campaign.statistics import wilson
+from flipdiagram.flips.outcome import MODES, NOT_PHYSICS, SUCCESS
+from flipdiagram.flips.store_file import is_running, open_to_read
 from flipdiagram.grid import Grid
 
 if TYPE_CHECKING:
@@ -21,22 +21,22 @@ REFRESH = 1.0
 def status_grid(path: str | Path) -> tuple[Grid, bool]:
     """How far a campaign is, and whether it has all its flips; raises InputError for a file of something else."""
     path = Path(path)
-    with opened(path) as results:
+    with open_to_read(path) as results:
         specification, counts, pace = results.specification(), results.counts(), results.pace()
     names = specification["architectures"]
-    wanted = int(specification["trials"])
+    trials = int(specification["trials"])
     by_name = {name: {o: count for a, o, count in counts if a == name} for name in names}
-    shown = [mode for mode in MODES if mode != SUCCESS and any(mode in found for found in by_name.values())]
+    failures = [mode for mode in MODES if mode != SUCCESS and any(mode in modes for modes in by_name.values())]
     rows = []
     for name in names:
-        found = by_name[name]
-        done = sum(found.values())
-        counted = done - sum(found.get(mode, 0) for mode in NOT_PHYSICS)
-        low, high = wilson(found.get(SUCCESS, 0), counted)
-        rate = f"{100 * found.get(SUCCESS, 0) / counted:.0f} % ({100 * low:.0f}–{100 * high:.0f})" if counted else "–"
-        rows.append([f"`{name}`", f"{done}/{wanted}", rate, *(str(found.get(mode, 0)) for mode in shown)])
-    total, done = wanted * len(names), sum(count for _, _, count in counts)
-    headings = ["architecture", "flips", "turned over", *shown]
+        modes = by_name[name]
+        done = sum(modes.values())
+        counted = done - sum(modes.get(mode, 0) for mode in NOT_PHYSICS)
+        low, high = wilson(modes.get(SUCCESS, 0), counted)
+        rate = f"{100 * modes.get(SUCCESS, 0) / counted:.0f} % ({100 * low:.0f}–{100 * high:.0f})" if counted else "–"
+        rows.append([f"`{name}`", f"{done}/{trials}", rate, *(str(modes.get(mode, 0)) for mode in failures)])
+    total, done = trials * len(names), sum(count for _, _, count in counts)
+    headings = ["architecture", "flips", "turned over", *failures]
     title = f"{path.name}: {_pace(total, done, pace, is_running(path))}"
     return Grid(headings, rows, title, headings[1:]), done >= total
 

@@ -13,8 +13,8 @@ import shtab
 
 from flipdiagram.cli.options import SHORT, parser
 from flipdiagram.errors import InputError
-from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, field_paths
-from flipdiagram.scenario.text import section_of
+from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
+from flipdiagram.scenario.text import explain, fields_of
 from flipdiagram.studies.borders.maps import maps_of
 
 SHELLS = ("bash", "zsh", "fish")
@@ -33,7 +33,8 @@ def script(shell: str) -> str:
 def _full_parser() -> argparse.ArgumentParser:
     """The parser of all commands with what it leaves to later checks spelt out: fields, names, files and folders."""
     whole = parser()
-    named = {"architecture": ARCHITECTURES, "maps": (*maps_of(Scenario()), "variations"), "shell": SHELLS}
+    named = {"architecture": ARCHITECTURES, "architectures": ARCHITECTURES, "shell": SHELLS}
+    named["maps"] = (*maps_of(Scenario()), "variations")
     for command in _commands(whole):
         takes_scenario = False
         for action in command._actions:
@@ -56,11 +57,9 @@ def _commands(whole: argparse.ArgumentParser) -> list[argparse.ArgumentParser]:
 def _add_fields(command: argparse.ArgumentParser) -> None:
     """Every field as an option `--section.field VALUE` with its text and unit, and the short names of some."""
     short = {path: name for name, path in SHORT.items()}
-    for path in field_paths():
-        section, _, name = path.partition(".")
-        field = section_of(Scenario, section).model_fields[name]
+    for path, field in fields_of(Scenario).items():
         names = [f"--{path}"] + ([short[path]] if path in short else [])
         choices = [str(value) for value in get_args(field.annotation) if isinstance(value, str)]
         choices = ["true", "false"] if field.annotation is bool else choices
-        text = (field.description or "").replace("%", "%%")
+        text = explain(field).replace("%", "%%")
         command.add_argument(*names, help=text, choices=choices or None, metavar=None if choices else "VALUE")

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from flipdiagram.cli.options import COMMANDS, parser, split_overrides
 from flipdiagram.errors import FlipdiagramError, InputError
+from flipdiagram.studies.registry import COMMANDS as STUDY_COMMANDS
 
 if TYPE_CHECKING:
     from flipdiagram.scenario.scenario import Scenario
@@ -61,13 +62,16 @@ def _run(argv: list[str]) -> int:
     if "scenario" not in arguments and overrides:
         options.error(f"'{arguments.command}' takes no fields of a scenario")
     scenario = _load_scenario(getattr(arguments, "scenario", None), overrides)
-    getattr(commands, arguments.command)(arguments, scenario)
+    if (study := STUDY_COMMANDS.get(arguments.command)) is not None:
+        commands.run_study(study, arguments, scenario)
+    else:
+        getattr(commands, arguments.command)(arguments, scenario)
     return 0
 
 
 def _load_scenario(file: str | None, overrides: dict[str, str]) -> Scenario:
     from flipdiagram.scenario.scenario import Scenario, load
-    from flipdiagram.scenario.text import parse_value
+    from flipdiagram.scenario.yaml_reader import parse_value
 
     scenario = Scenario() if file is None else load(file)
     return scenario.with_overrides({path: parse_value(text, path) for path, text in overrides.items()})
@@ -85,7 +89,3 @@ def _guard_streams() -> None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
         elif hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")  # θ on a terminal that has no Greek
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -3,101 +3,65 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 
 import numpy as np
 
 from flipdiagram.arrays import Floats, Indices
+from flipdiagram.compiled.batch import Channels
 from flipdiagram.compiled.kernel import Kernel
+from flipdiagram.compiled.vectors import LANES
 
-_PIECE = 10_000_000  # channel-ticks between two looks at Ctrl-C and at the progress
+_PIECE = 10_000_000  # channel-ticks between two looks at Ctrl-C
 
 
-def advance(
-    kernel: Kernel,
-    ticks: Indices,
-    start: Indices,
-    state: Floats,
-    parameters: Floats,
-    series: Floats,
-    every: int,
-    signals: int,
-    column: Indices,
-    log: Floats,
-    threads: int | None = None,
-    progress: Callable[[float], None] | None = None,
-    lanes: int = 1,
-) -> None:
-    """Run a kernel on arrays; the arguments are described in ``print_source``.
+def run_kernel(
+    kernel: Kernel, given: Channels, columns: Indices, rows: int, every: int, threads: int | None
+) -> tuple[Floats, Floats]:
+    """Final states (n, states) and log (n, rows, width) of a kernel; see ``BatchDiagram.advance``."""
+    n = given.ticks.size
+    # eight channels wait for the longest of them: neighbours of like length wait least
+    order = np.arange(n) if rows or (np.diff(given.ticks) >= 0).all() else np.argsort(given.ticks, kind="stable")
+    ticks, start = given.ticks[order], given.start[order]
+    state, parameters = (np.ascontiguousarray(array[order].T) for array in (given.state, given.parameters))
+    shared = n > 1 and given.inputs.strides[0] == 0
+    series = np.repeat(given.inputs[:1], LANES, axis=0) if shared else given.inputs[order]
+    series = np.ascontiguousarray(series.transpose(2, 1, 0))
+    columns = np.ascontiguousarray(columns, dtype=np.int64)
+    log = np.full((rows, columns.size, n), np.nan)
 
-    ``lanes``: channels that the kernel advances together, from the first of a piece on.
+    def run(first: int, last: int) -> None:
+        addresses = [array.ctypes.data for array in (ticks, start, state, parameters, series)]
+        shape = (series.shape[2], 0 if shared else 1, series.shape[1] - 1, every)
+        kernel(first, last, n, *addresses, *shape, columns.ctypes.data, log.ctypes.data, columns.size, rows)
 
-    ``parameters`` (n, m) and ``series`` (n, rows, m) may repeat one channel with a stride of 0; all else is contiguous.
-    """
-    column = np.ascontiguousarray(column, dtype=np.int64)
-    signal = np.empty((ticks.size, signals if log.shape[1] else 0))
-    owners = (ticks, start, state, column, log)
-    assert all(array.flags.c_contiguous for array in owners)
-    assert parameters[:1].flags.c_contiguous and series[:1].flags.c_contiguous
-    size = 8  # bytes of an element
-    arguments = (
-        ticks.ctypes.data,
-        start.ctypes.data,
-        state.ctypes.data,
-        state.shape[1],
-        parameters.ctypes.data,
-        parameters.strides[0] // size,
-        series.ctypes.data,
-        series.strides[0] // size,
-        series.shape[2],
-        series.shape[1] - 1,
-        every,
-        signal.ctypes.data,
-        signals,
-        column.ctypes.data,
-        log.ctypes.data,
-        log.shape[1],
-        log.shape[2],
-    )
-    count = threads or available_threads()
-    pieces = _pieces(ticks, count, lanes)
+    threads = threads or available_threads()
+    pieces = _pieces(ticks, threads)
     if len(pieces) == 1:
-        kernel(*pieces[0], *arguments)
-        if progress:
-            progress(1.0)
-        return
-    total = _work(ticks)
-    pool = ThreadPoolExecutor(count)
-    try:
-        futures = {pool.submit(kernel, *piece, *arguments): piece for piece in pieces}
-        waiting, done = set(futures), 0.0
-        while waiting:
-            finished, waiting = wait(waiting, timeout=0.1 if progress else None, return_when=FIRST_EXCEPTION)
-            for future in finished:
+        run(*pieces[0])
+    else:
+        pool = ThreadPoolExecutor(threads)
+        try:
+            futures = [pool.submit(run, *piece) for piece in pieces]
+            for future in wait(futures, return_when=FIRST_EXCEPTION).done:
                 future.result()
-                done += _work(ticks[slice(*futures[future])])
-            if progress and finished:
-                progress(done / total)
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+    final = np.empty(given.state.shape)
+    final[order] = state.T
+    return final, log.transpose(2, 0, 1)
 
 
-def _work(ticks: Indices) -> float:
-    return float(ticks.sum()) + ticks.size
-
-
-def _pieces(ticks: Indices, threads: int, lanes: int) -> list[tuple[int, int]]:
+def _pieces(ticks: Indices, threads: int) -> list[tuple[int, int]]:
     """Ranges of channels, several for each thread: channels may differ in length, and processors in load.
 
-    Where channels advance together no piece but the last has an incomplete group of them.
+    No piece but the last has an incomplete vector of channels.
     """
-    if threads == 1 and _work(ticks) <= _PIECE:
+    work = np.cumsum(LANES * (np.maximum.reduceat(ticks, np.arange(0, ticks.size, LANES)) + 1.0))
+    if threads == 1 and work[-1] <= _PIECE:
         return [(0, ticks.size)]
-    groups = np.add.reduceat(ticks + 1.0, np.arange(0, ticks.size, lanes))
-    aim = min(_work(ticks) / (threads * 8), _PIECE)
-    work = np.floor(np.cumsum(groups) / aim)
-    ends = np.minimum((np.flatnonzero(np.diff(work, append=np.inf)) + 1) * lanes, ticks.size)
+    number = np.floor(work / min(work[-1] / (threads * 8), _PIECE))
+    ends = np.minimum((np.flatnonzero(np.diff(number, append=np.inf)) + 1) * LANES, ticks.size)
     return list(zip([0, *ends[:-1].tolist()], ends.tolist(), strict=True))
 
 

@@ -10,44 +10,31 @@ of the paper's text; this is its reconstruction from section II-C.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
-from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
-from pydrake.systems.primitives import Adder, Gain
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, OutputPort
+from pydrake.systems.primitives import Gain
 
 from flipdiagram.arrays import Floats
 from flipdiagram.blocks.feedforward import AccelerationFeedforward
 from flipdiagram.blocks.gravity import GravityCompensation
 from flipdiagram.blocks.inertia import NominalInertia
 from flipdiagram.blocks.inverse_jacobian import InverseJacobian
-from flipdiagram.blocks.mpc import CHANNELS
+from flipdiagram.blocks.mpc import CHANNELS, COMMANDS
 from flipdiagram.blocks.observer import DisturbanceObserver
 from flipdiagram.blocks.pd import ProportionalDerivative
 from flipdiagram.blocks.tool_kinematics import ToolKinematics
 from flipdiagram.blocks.torque_limit import TorqueLimit
-from flipdiagram.diagrams.replacement import Box, chosen, misfit
+from flipdiagram.diagrams.arrows import OUTSIDE, Arrows
+from flipdiagram.diagrams.replacement import Box, build_diagram, with_replaced
+from flipdiagram.diagrams.start import start_of
 from flipdiagram.errors import InputError
+from flipdiagram.planning.planner import Planner
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 
-SIGNALS = (
-    "x_cmd",
-    "v_cmd",
-    "a_cmd",
-    "x",
-    "v",
-    "q",
-    "qd",
-    "a_ref",
-    "qdd_ref",
-    "tau_ref",
-    "tau_dis",
-    "tau_gravity",
-    "tau_cmd",
-    "tau",
-)
+SIGNALS = (*COMMANDS, "x", "v", "q", "qd", "a_ref", "qdd_ref", "tau_ref", "tau_dis", "tau_gravity", "tau_cmd", "tau")
 """Signals that a box may take as inputs, by the names of the figure."""
 
 
@@ -60,16 +47,17 @@ class ControllerBoxes:
     nominal_inertia: LeafSystem
     torque_limit: LeafSystem
     tool_kinematics: LeafSystem
-    feedforward: LeafSystem | None
-    disturbance_observer: LeafSystem | None
-    gravity_compensation: LeafSystem | None
+    feedforward: LeafSystem | None = None
+    disturbance_observer: LeafSystem | None = None
+    gravity_compensation: LeafSystem | None = None
     """Not in the paper's figure: present only where the scenario asks for it."""
 
 
 def check_architecture(architecture: str) -> str:
     """The name itself; raises InputError, naming the valid ones, for another."""
     if architecture not in ARCHITECTURES:
-        raise InputError(f"unknown architecture '{architecture}'; choose from {', '.join(ARCHITECTURES)}")
+        message = f"unknown architecture '{architecture}'; choose from {', '.join(ARCHITECTURES)}"
+        raise InputError(message, field="architecture", value=architecture, valid=ARCHITECTURES)
     return architecture
 
 
@@ -79,10 +67,42 @@ def nominal_inertia(scenario: Scenario, arm: ArmModel, q_start: Floats) -> Float
     if given is not None and len(given) != arm.n_joints:
         raise InputError(
             f"scenario field 'controller.nominal_inertia' = {list(given)} has {len(given)} entries;"
-            f" valid is one per joint, {' '.join(arm.joint_names)}"
+            f" valid is one per joint, {' '.join(arm.joint_names)}",
+            field="controller.nominal_inertia",
+            value=given,
+            valid=arm.joint_names,
         )
     diagonal = np.diag(arm.mass_matrix(q_start)) if given is None else np.array(given)
     return diagonal * scenario.controller.nominal_inertia_scale
+
+
+def build_controller(
+    scenario: Scenario, architecture: str, arm: ArmModel, *, replace: Mapping[str, Box] | None = None
+) -> Diagram:
+    """Fig. 4 between MPC and robot as a Diagram of its own, to be put into anybody's DiagramBuilder.
+
+    Input ports `x_cmd`, `v_cmd`, `a_cmd` (6,) [m, rad and per s, s²], `q` (n,) [rad], `qd` (n,) [rad/s]; output port
+    `tau` (n,) [N·m].  Each architecture has all of them, so that one can stand in the place of another: what it does
+    not take ends in a box, `unused_a_cmd` where nothing is fed forward.
+
+    Args:
+        scenario: gains, period, nominal inertia, and the start pose at which M_n is taken where it gives none.
+        architecture: one of `ARCHITECTURES`.
+        arm: the controller's model of the arm.
+        replace: boxes of the user's own by name, {"pd": MyController}, see `replacement.with_replaced`.
+
+    Raises:
+        InputError: for an unknown architecture, a nominal inertia that does not fit the arm, a box that does not fit.
+        PlanningError: where the arm cannot be at the start pose.
+    """
+    builder = DiagramBuilder()
+    inputs = {**dict.fromkeys(COMMANDS, CHANNELS), "q": arm.n_joints, "qd": arm.n_joints}
+    q_start = start_of(Planner(scenario, arm)).q
+    boxes = add_controller(builder, scenario, architecture, arm, q_start, inputs, replace=replace)
+    builder.ExportOutput(boxes.torque_limit.GetOutputPort("tau"), "tau")
+    diagram = build_diagram(builder, replace)
+    diagram.set_name(architecture)
+    return diagram
 
 
 def add_controller(
@@ -91,25 +111,81 @@ def add_controller(
     architecture: str,
     arm: ArmModel,
     q_start: Floats,
-    *,
-    mpc: LeafSystem,
-    q: OutputPort,
-    qd: OutputPort,
+    inputs: Mapping[str, OutputPort | int],
     offset: float = 0.0,
     replace: Mapping[str, Box] | None = None,
 ) -> ControllerBoxes:
-    """Add the boxes of an architecture, wired to the MPC's commands and the measured q, qd; the caller takes tau.
+    """Add what `build_controller` builds, flat: Drake evaluates a sub-diagram at twice the cost.
 
-    Boxes are named as in the figure.  offset [s] is that of the sampled boxes.  replace: boxes of the user's own by
-    name, see `replacement.chosen`.  Raises InputError for an unknown architecture, a nominal inertia that does not
-    fit the arm, or a box that does not fit its place.
+    Beside its arguments: q_start (n,) [rad], where M_n is taken if the scenario gives none; inputs, the figure's by
+    name, ports or sizes of inputs of the diagram (see `Arrows`); offset [s], that of the sampled boxes.
     """
+    ours = _boxes(scenario, architecture, arm, nominal_inertia(scenario, arm, q_start), offset)
+    placed = with_replaced(ours, replace or {}, SIGNALS, architecture)
+    named = {name: builder.AddNamedSystem(name, system) for name, system in placed.items()}
+    ports = [box.get_output_port(i) for box in named.values() for i in range(box.num_output_ports())]
+    own = [named[name] for name in replace or ()]
+    boxes = ControllerBoxes(**named)
+    arrow = Arrows(builder, inputs, own, {port.get_name(): port for port in ports})
+    draw_figure_4(arrow, boxes, arm.n_joints)
+    arrow.complete()
+    return boxes
+
+
+def draw_figure_4(arrow: Arrows, box: ControllerBoxes, n: int) -> None:
+    """The arrows of Fig. 4 from left to right, then the feedback; boxes that the architecture lacks have none."""
+    arrow("x_cmd", OUTSIDE, box.pd)
+    arrow("v_cmd", OUTSIDE, box.pd)
+    if box.feedforward is not None:
+        a_ref_sum = arrow.sum("a_ref_sum", 2, CHANNELS)
+        arrow("a_cmd", OUTSIDE, box.feedforward)
+        arrow("a_ref", box.pd, a_ref_sum)
+        arrow("a_ff", box.feedforward, a_ref_sum)
+        arrow("a_ref", a_ref_sum, box.inverse_jacobian)
+    else:
+        arrow.unused("a_cmd")
+        arrow("a_ref", box.pd, box.inverse_jacobian)
+    arrow("qdd_ref", box.inverse_jacobian, box.nominal_inertia)
+    added = [b for b in (box.disturbance_observer, box.gravity_compensation) if b is not None]
+    if added:
+        tau_sum = arrow.sum("tau_sum", 1 + len(added), n)
+        arrow("tau_ref", box.nominal_inertia, tau_sum)
+        if box.disturbance_observer is not None:
+            arrow("tau_dis", box.disturbance_observer, tau_sum)
+        if box.gravity_compensation is not None:
+            arrow("tau_gravity", box.gravity_compensation, tau_sum)
+        arrow("tau_cmd", tau_sum, box.torque_limit)
+    else:
+        arrow("tau_ref", box.nominal_inertia, box.torque_limit, "tau_cmd")
+
+    arrow("q", OUTSIDE, box.tool_kinematics)
+    arrow("qd", OUTSIDE, box.tool_kinematics)
+    arrow("x", box.tool_kinematics, box.pd)
+    arrow("v", box.tool_kinematics, box.pd)
+    arrow("q", OUTSIDE, box.inverse_jacobian)
+    arrow("qd", OUTSIDE, box.inverse_jacobian)
+    if box.gravity_compensation is not None:
+        arrow("q", OUTSIDE, box.gravity_compensation)
+    if box.disturbance_observer is not None:
+        arrow("qd", OUTSIDE, box.disturbance_observer)
+        if box.gravity_compensation is None:
+            arrow("tau", box.torque_limit, box.disturbance_observer)
+        else:  # what is fed forward must not be observed as a disturbance too, or it would count twice
+            minus_gravity = arrow.add("minus_gravity", Gain(-1.0, n))
+            tau_observed = arrow.sum("tau_observed", 2, n)
+            arrow("tau_gravity", box.gravity_compensation, minus_gravity, "u0")
+            arrow("tau", box.torque_limit, tau_observed)
+            arrow("y0", minus_gravity, tau_observed)
+            arrow("tau_observed", tau_observed, box.disturbance_observer, "tau")
+
+
+def _boxes(
+    scenario: Scenario, architecture: str, arm: ArmModel, inertia: Floats, offset: float
+) -> dict[str, LeafSystem]:
+    """Our boxes of an architecture by their names in the figure."""
     parts = check_architecture(architecture).split("+")
     settings, n = scenario.controller, arm.n_joints
-    inertia = nominal_inertia(scenario, arm, q_start)
-    connect = builder.Connect
-
-    ours: dict[str, LeafSystem] = {
+    boxes: dict[str, LeafSystem] = {
         "pd": ProportionalDerivative(np.full(CHANNELS, settings.k_p), np.full(CHANNELS, settings.k_v)),
         "inverse_jacobian": InverseJacobian(arm, n, CHANNELS, settings.k_v),
         "nominal_inertia": NominalInertia(inertia),
@@ -117,42 +193,10 @@ def add_controller(
         "tool_kinematics": ToolKinematics(arm, n, CHANNELS),
     }
     if "ff" in parts:
-        ours["feedforward"] = AccelerationFeedforward(CHANNELS)
+        boxes["feedforward"] = AccelerationFeedforward(CHANNELS)
     if "dob" in parts:
         g_dis = np.full(n, settings.g_dis)
-        ours["disturbance_observer"] = DisturbanceObserver(g_dis, inertia, settings.period, offset)
+        boxes["disturbance_observer"] = DisturbanceObserver(g_dis, inertia, settings.period, offset)
     if settings.gravity_compensation > 0:
-        ours["gravity_compensation"] = GravityCompensation(arm, settings.gravity_compensation, n)
-    placed = chosen(ours, replace or {}, SIGNALS, architecture)
-    boxes = {name: builder.AddNamedSystem(name, box) for name, box in placed.items()}
-
-    signals = {name: mpc.GetOutputPort(name) for name in ("x_cmd", "v_cmd", "a_cmd")} | {"q": q, "qd": qd}
-    for box in boxes.values():
-        signals |= {box.get_output_port(i).get_name(): box.get_output_port(i) for i in range(box.num_output_ports())}
-    if "feedforward" in boxes:
-        signals["a_ref"] = _sum(builder, "a_ref_sum", signals["a_ref"], signals["a_ff"])
-    torques = [signals[name] for name in ("tau_ref", "tau_dis", "tau_gravity") if name in signals]
-    signals["tau_cmd"] = _sum(builder, "tau_sum", *torques) if len(torques) > 1 else torques[0]
-    observed = signals["tau"]
-    if "gravity_compensation" in boxes and "disturbance_observer" in boxes:
-        # what is fed forward must not be observed as a disturbance too, or it would count twice
-        minus = builder.AddNamedSystem("minus_gravity", Gain(-1.0, n))
-        connect(signals["tau_gravity"], minus.get_input_port())
-        observed = _sum(builder, "tau_observed", observed, minus.get_output_port())
-
-    for name, box in boxes.items():
-        for i in range(box.num_input_ports()):
-            port = box.get_input_port(i)
-            taken = observed if (name, port.get_name()) == ("disturbance_observer", "tau") else signals[port.get_name()]
-            if taken.size() != port.size():
-                raise misfit(name, f"input port '{port.get_name()}' has size {port.size()}", f"{taken.size()}")
-            connect(taken, port)
-    found: dict[str, Any] = {field.name: boxes.get(field.name) for field in fields(ControllerBoxes)}
-    return ControllerBoxes(**found)
-
-
-def _sum(builder: DiagramBuilder, name: str, *terms: OutputPort) -> OutputPort:
-    total = builder.AddNamedSystem(name, Adder(len(terms), terms[0].size()))
-    for i, term in enumerate(terms):
-        builder.Connect(term, total.get_input_port(i))
-    return total.get_output_port()
+        boxes["gravity_compensation"] = GravityCompensation(arm, settings.gravity_compensation, n)
+    return boxes

@@ -7,25 +7,23 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatVisualizer
-from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
 
 from flipdiagram.arrays import Floats
 from flipdiagram.blocks.camera import Camera
 from flipdiagram.blocks.delay import Delay
-from flipdiagram.blocks.mpc import ModelPredictiveController
+from flipdiagram.blocks.mpc import COMMANDS, ModelPredictiveController
 from flipdiagram.blocks.noise import SensorNoise
 from flipdiagram.blocks.receding_horizon import RecedingHorizonController, Timing
 from flipdiagram.blocks.sensors import Encoder, PseudoDerivative
 from flipdiagram.diagrams.controller import ControllerBoxes, add_controller
-from flipdiagram.diagrams.replacement import Box
-from flipdiagram.errors import InputError
-from flipdiagram.planning.limits import task_pose
+from flipdiagram.diagrams.replacement import Box, build_diagram
+from flipdiagram.diagrams.start import Start, start_of
 from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.planner import Planner
 from flipdiagram.planning.replanner import FEWEST, Replanner
-from flipdiagram.plants.cell import Cell, add_cell
+from flipdiagram.plants.cell import BESIDE_THE_PLANT, Cell, add_cell
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import Scenario
@@ -51,21 +49,14 @@ class Loop:
     replaced: tuple[str, ...] = ()
     """Boxes that are of the user's own."""
 
+    @property
+    def groups(self) -> dict[str, tuple[str, ...]]:
+        """Systems that a drawing shows as one box, by its name: all of the cell as `robot`."""
+        return {"robot": (self.cell.plant.get_name(), *BESIDE_THE_PLANT)}
+
     def context(self, plan: Plan | None = None) -> Context:
         """A fresh context: arm at rest at the start pose, block on the blade; with `plan` the MPC need not solve."""
         context = self.diagram.CreateDefaultContext()
-        plant, parts = self.cell.plant, self.cell.parts
-        mine = plant.GetMyMutableContextFromRoot(context)
-        plant.SetPositions(mine, parts.arm.arm, self.q_start)
-        task, unknown = self.scenario.task, self.scenario.disturbance
-        start_y = task.start_y + unknown.start_error + unknown.block_offset  # the blade is level there
-        centre = np.array([task.start_x, start_y, task.start_z])
-        plant.SetFreeBodyPose(mine, parts.block, RigidTransform(centre))
-        for name in ("delayed_q", "velocity"):
-            if self.diagram.HasSubsystemNamed(name):
-                box = self.diagram.GetSubsystemByName(name)
-                inside = box.GetMyMutableContextFromRoot(context)
-                (box.set_initial_value if name == "delayed_q" else box.set_initial_position)(inside, self.q_start)
         if plan is not None:
             self.mpc.set_plan(self.mpc.GetMyMutableContextFromRoot(context), plan)
         return context
@@ -81,76 +72,73 @@ def build_loop(
 ) -> Loop:
     """Wire MPC, controller, sensors and cell of a scenario into one diagram, boxes named as in Fig. 4.
 
-    planner: what the MPC calls at the start of a run, by default the scenario's own; record: add sinks that log the
-    signals every controller period; replace: boxes of the user's own by name, {"pd": MyController}, see
-    `replacement.chosen`; meshcat: where to show the cell.  Raises InputError for an unknown architecture, a bad
-    number or a box that does not fit, PlanningError where the arm cannot be at the start pose.
+    Args:
+        scenario: what is simulated.
+        architecture: one of `ARCHITECTURES`.
+        planner: what the MPC calls at the start of a run, by default the scenario's own.
+        record: add sinks that log the signals every controller period.
+        replace: boxes of the user's own by name, {"pd": MyController}, see `replacement.with_replaced`.
+        meshcat: where to show the cell.
+
+    Raises:
+        InputError: for an unknown architecture, a bad number or a box that does not fit.
+        PlanningError: where the arm cannot be at the start pose.
     """
-    arm = arm_of(scenario)
+    arm, period = arm_of(scenario), scenario.controller.period
     motion = Planner(scenario, arm)
-    q_start = motion.q_start
-    if scenario.disturbance.start_error:
-        standing = task_pose(motion.horizons.start, scenario.task.start_x)
-        standing[0] += scenario.disturbance.start_error
-        q_start = arm.inverse_kinematics(standing, q_start)
-    settings, n = scenario.controller, arm.n_joints
+    start = start_of(motion)
     # A plant with a finer step takes the torque of the sample before its own: sampling between two of its steps, after
     # the one that led to t and before the one that leaves it, adds no delay.
-    fine = scenario.simulation.step < settings.period
-    offset = settings.period - scenario.simulation.step / 2 if fine else 0.0
+    fine = scenario.simulation.step < period
+    offset = period - scenario.simulation.step / 2 if fine else 0.0
 
     builder = DiagramBuilder()
-    mpc = builder.AddNamedSystem("mpc", _mpc(scenario, arm, motion, planner or motion.plan))
-    cell = add_cell(builder, scenario, arm)
-    q, qd = _sensed(builder, scenario, cell, n, offset)
-    boxes = add_controller(
-        builder, scenario, architecture, arm, q_start, mpc=mpc, q=q, qd=qd, offset=offset, replace=replace
-    )
+    mpc = builder.AddNamedSystem("mpc", _mpc(scenario, motion, start, planner or motion.plan))
+    cell = add_cell(builder, scenario, arm, start.q)
+    q, qd = _sensed(builder, scenario, cell, start.q, offset)
+    signals = {**{name: mpc.GetOutputPort(name) for name in COMMANDS}, "q": q, "qd": qd}
+    boxes = add_controller(builder, scenario, architecture, arm, start.q, signals, offset, replace)
     if isinstance(mpc, RecedingHorizonController):
         _close_horizon(builder, scenario, mpc, cell, boxes, q)
     tau = boxes.torque_limit.GetOutputPort("tau")
     if fine:
-        held = builder.AddNamedSystem("hold", ZeroOrderHold(settings.period, n, offset))
-        builder.Connect(tau, held.get_input_port())
-        builder.Connect(held.get_output_port(), cell.tau)
-        tau = held.get_output_port()
-    else:
-        builder.Connect(tau, cell.tau)
+        hold = builder.AddNamedSystem("hold", ZeroOrderHold(period, arm.n_joints, offset))
+        builder.Connect(tau, hold.get_input_port())
+        tau = hold.get_output_port()
+    builder.Connect(tau, cell.tau)
 
-    logs = {}
-    if record:
-        signals = {name: mpc.GetOutputPort(name) for name in ("x_cmd", "v_cmd", "a_cmd")}
-        signals |= {"state": cell.plant.get_state_output_port(), "tau": tau, "contact_wrench": cell.contact_wrench}
-        if isinstance(mpc, RecedingHorizonController):
-            signals |= {name: mpc.GetOutputPort(name) for name in REPLANNING}
-        if boxes.disturbance_observer is not None:
-            signals["tau_dis"] = boxes.disturbance_observer.GetOutputPort("tau_dis")
-        for name, port in signals.items():
-            logs[name] = builder.AddNamedSystem(f"log_{name}", VectorLogSink(port.size(), settings.period))
-            builder.Connect(port, logs[name].get_input_port())
+    logs = _record(builder, mpc, boxes, cell, tau, period) if record else {}
     if meshcat is not None:
         MeshcatVisualizer.AddToBuilder(builder, cell.scene_graph, meshcat)
-    try:
-        diagram = builder.Build()
-    except RuntimeError as error:
-        if "algebraic loop" not in str(error) or not replace:
-            raise
-        text = str(error).splitlines()[0]
-        raise InputError(f"replace: {', '.join(replace)} closes an algebraic loop: {text}") from None
+    diagram = build_diagram(builder, replace)
     diagram.set_name(architecture)
-    return Loop(diagram, scenario, architecture, arm, mpc, boxes, cell, q_start, logs, tuple(replace or ()))
+    return Loop(diagram, scenario, architecture, arm, mpc, boxes, cell, start.q, logs, tuple(replace or ()))
+
+
+def _record(
+    builder: DiagramBuilder, mpc: LeafSystem, boxes: ControllerBoxes, cell: Cell, tau: OutputPort, period: float
+) -> dict[str, VectorLogSink]:
+    """Sinks for what a recording is made of, by signal name."""
+    names = (*COMMANDS, *REPLANNING) if isinstance(mpc, RecedingHorizonController) else COMMANDS
+    signals = {name: mpc.GetOutputPort(name) for name in names}
+    signals |= {"state": cell.plant.get_state_output_port(), "tau": tau, "contact_wrench": cell.contact_wrench}
+    if boxes.disturbance_observer is not None:
+        signals["tau_dis"] = boxes.disturbance_observer.GetOutputPort("tau_dis")
+    logs = {}
+    for name, port in signals.items():
+        logs[name] = builder.AddNamedSystem(f"log_{name}", VectorLogSink(port.size(), period))
+        builder.Connect(port, logs[name].get_input_port())
+    return logs
 
 
 def _mpc(
-    scenario: Scenario, arm: ArmModel, motion: Planner, planner: Callable[[], Plan]
+    scenario: Scenario, motion: Planner, start: Start, planner: Callable[[], Plan]
 ) -> ModelPredictiveController | RecedingHorizonController:
     """The MPC of the scenario: it plans once, or again and again."""
     settings, start_time = scenario.planner, scenario.simulation.hold_time
-    hold = task_pose(motion.horizons.start, scenario.task.start_x)
-    hold[0] += scenario.disturbance.start_error
     if settings.replan_period is None:
-        return ModelPredictiveController(planner, hold, start_time, stand=scenario.disturbance.start_error != 0)
-    replanner = Replanner(scenario, arm)
+        off = scenario.disturbance.start_error != 0
+        return ModelPredictiveController(planner, start.pose, start_time, stand=off)
     timing = Timing(
         settings.replan_period,
         settings.compute_delay,
@@ -158,15 +146,14 @@ def _mpc(
         scenario.controller.period / 4,
         settings.replan_deadline,
     )
-    measured = settings.replan_from == "measured"
     return RecedingHorizonController(
         planner,
-        replanner.replan,
-        hold,
+        Replanner(scenario, motion.arm).replan,
+        start.pose,
         timing,
-        joints=arm.n_joints,
+        joints=motion.arm.n_joints,
         start_time=start_time,
-        measured=measured,
+        measured=settings.replan_from == "measured",
         fewest=FEWEST,
     )
 
@@ -199,13 +186,15 @@ def _close_horizon(
         builder.Connect(camera.get_output_port(), mpc.GetInputPort("shift"))
 
 
-def _sensed(builder: DiagramBuilder, scenario: Scenario, cell: Cell, n: int, offset: float) -> list[OutputPort]:
+def _sensed(
+    builder: DiagramBuilder, scenario: Scenario, cell: Cell, q_start: Floats, offset: float
+) -> tuple[OutputPort, OutputPort]:
     """q and qd as the controller sees them: through what the scenario has of noise, encoder, delay, velocity filter.
 
     The encoder rounds angles that are noisy already.  Noise of the velocities comes before their delay, or after the
     filter where there is one: it belongs to the velocity, however that is measured.
     """
-    sensors, period = scenario.sensors, scenario.controller.period
+    sensors, period, n = scenario.sensors, scenario.controller.period, len(q_start)
 
     def through(box: LeafSystem, name: str, signal: OutputPort) -> OutputPort:
         builder.AddNamedSystem(name, box)
@@ -221,10 +210,11 @@ def _sensed(builder: DiagramBuilder, scenario: Scenario, cell: Cell, n: int, off
     if sensors.encoder_resolution > 0:
         q = through(Encoder(np.full(n, sensors.encoder_resolution)), "encoder", q)
     if sensors.delay > 0:
-        q = through(Delay(n, sensors.delay, period, offset), "delayed_q", q)
+        q = through(Delay(n, sensors.delay, period, offset, q_start), "delayed_q", q)
     if sensors.velocity_cutoff is not None:
-        qd = through(PseudoDerivative(np.full(n, sensors.velocity_cutoff), period, offset), "velocity", q)
+        g_v = np.full(n, sensors.velocity_cutoff)
+        qd = through(PseudoDerivative(g_v, period, offset, q_start), "velocity", q)
     qd = noisy(qd, "velocity_noise", sensors.velocity_noise, 1)
     if sensors.velocity_cutoff is None and sensors.delay > 0:
         qd = through(Delay(n, sensors.delay, period, offset), "delayed_qd", qd)
-    return [q, qd]
+    return q, qd

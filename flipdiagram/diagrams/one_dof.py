@@ -18,16 +18,17 @@ from flipdiagram.blocks.commands import BroadbandNoise, SinusoidalCommand, Sinus
 from flipdiagram.blocks.feedforward import AccelerationFeedforward
 from flipdiagram.blocks.inertia import NominalInertia
 from flipdiagram.blocks.meters import LockIn, Peak, RootMeanSquare
+from flipdiagram.blocks.mpc import COMMANDS
 from flipdiagram.blocks.observer import DisturbanceObserver
 from flipdiagram.blocks.pd import ProportionalDerivative
 from flipdiagram.blocks.sensors import PseudoDerivative
+from flipdiagram.diagrams.arrows import OUTSIDE, Arrows
 from flipdiagram.diagrams.controller import check_architecture
 from flipdiagram.errors import InputError
 from flipdiagram.plants.one_dof import OneDofPlant
 from flipdiagram.scenario.one_dof import OneDof
 from flipdiagram.theory.transfer import Loop1Dof
 
-COMMANDS = ("x_cmd", "v_cmd", "a_cmd")
 CONTROLLER_INPUTS = (*COMMANDS, "x", "v")
 NO_INERTIA = 1e-300
 """Stands for m_n = 0 [kg] in the observer's constructor, which takes positive numbers only."""
@@ -40,30 +41,37 @@ def build_controller(architecture: str, settings: OneDof) -> Diagram:
     architecture.
     """
     parts = check_architecture(architecture).split("+")
-    nominal = max(settings.nominal_mass_ratio * settings.mass, NO_INERTIA)
     builder = DiagramBuilder()
-    add, connect, export = builder.AddNamedSystem, builder.Connect, builder.ExportInput
+    add, arrow = builder.AddNamedSystem, Arrows(builder, dict.fromkeys(CONTROLLER_INPUTS, 1))
     pd = add("pd", ProportionalDerivative([settings.k_p], [settings.k_v]))
-    for name in ("x_cmd", "v_cmd", "x", "v"):
-        export(pd.GetInputPort(name), name)
-    a_ref = pd.GetOutputPort("a_ref")
+    arrow("x_cmd", OUTSIDE, pd)
+    arrow("v_cmd", OUTSIDE, pd)
+    arrow("x", OUTSIDE, pd)
+    arrow("v", OUTSIDE, pd)
+    asking = pd
     if "ff" in parts:
         feedforward = add("feedforward", AccelerationFeedforward(1))
         if settings.feedforward == "measured":
             measured = add("measured_acceleration", PseudoDerivative([settings.acceleration_cutoff], settings.step))
-            builder.ConnectInput("v", measured.GetInputPort("q"))
-            connect(measured.GetOutputPort("v"), feedforward.GetInputPort("a_cmd"))
+            arrow("v", OUTSIDE, measured, "q")
+            arrow("v", measured, feedforward, "a_cmd")
         else:
-            export(feedforward.GetInputPort("a_cmd"), "a_cmd")
-        a_ref = _sum(builder, "a_ref_sum", a_ref, feedforward.GetOutputPort("a_ff"))
+            arrow("a_cmd", OUTSIDE, feedforward)
+        asking = arrow.sum("a_ref_sum", 2, 1)
+        arrow("a_ref", pd, asking)
+        arrow("a_ff", feedforward, asking)
     reference = add("nominal_inertia", NominalInertia([reference_mass(settings)]))
-    connect(a_ref, reference.GetInputPort("qdd_ref"))
+    arrow("a_ref", asking, reference, "qdd_ref")
     force = reference.GetOutputPort("tau_ref")
     if "dob" in parts:
+        nominal = max(settings.nominal_mass_ratio * settings.mass, NO_INERTIA)
         observer = add("disturbance_observer", DisturbanceObserver([settings.g_dis], [nominal], settings.step))
-        force = _sum(builder, "force_sum", force, observer.GetOutputPort("tau_dis"))
-        connect(force, observer.GetInputPort("tau"))
-        builder.ConnectInput("v", observer.GetInputPort("qd"))
+        force_sum = arrow.sum("force_sum", 2, 1)
+        arrow("tau_ref", reference, force_sum)
+        arrow("tau_dis", observer, force_sum)
+        arrow("force", force_sum, observer, "tau")
+        arrow("v", OUTSIDE, observer, "qd")
+        force = force_sum.get_output_port()
     builder.ExportOutput(force, "force")
     diagram = builder.Build()
     diagram.set_name(architecture)
@@ -93,9 +101,12 @@ def build_experiment(
     command = add("command", SinusoidalCommand([1.0], [amplitude]))
     sine = add("noise", SinusoidalNoise([1.0], [noise]))
     white = add("white_noise", BroadbandNoise([white_noise], settings.step, [seed]))
-    noisy = _sum(builder, "v_noise_sum", v, sine.GetOutputPort("noise"), white.GetOutputPort("noise"))
+    noisy = add("v_noise_sum", Adder(3, 1))
+    for i, term in enumerate((v, sine.GetOutputPort("noise"), white.GetOutputPort("noise"))):
+        connect(term, noisy.get_input_port(i))
     commands = {name: command.GetOutputPort(name) for name in COMMANDS}
-    force = _close(builder, controller, plant.GetInputPort("f"), {**commands, "x": x, "v": noisy})
+    signals = {**commands, "x": x, "v": noisy.get_output_port()}
+    force = _close(builder, controller, plant.GetInputPort("f"), signals)
     outputs = {"x": x, "a": plant.GetOutputPort("a"), "force": force}
     meters = {f"lockin_{name}": (outputs[name], LockIn([1.0], settings.step)) for name in ("x", "a")}
     meters |= {f"peak_{name}": (outputs[name], Peak(1, settings.step)) for name in outputs}
@@ -171,31 +182,25 @@ def _close(
     builder: DiagramBuilder, controller: System, f: InputPort, signals: Mapping[str, OutputPort | None]
 ) -> OutputPort:
     """Add the controller between its signals, exported as inputs where None, and the port f; returns its force."""
-    names = [controller.get_input_port(i).get_name() for i in range(controller.num_input_ports())]
-    ports = [controller.get_input_port(i) for i in range(controller.num_input_ports())]
-    unknown = [name for name in names if name not in CONTROLLER_INPUTS]
-    if unknown:
-        raise InputError(f"controller input '{unknown[0]}' is unknown; valid are {', '.join(CONTROLLER_INPUTS)}")
     if not controller.HasOutputPort("force"):
-        raise InputError(f"controller '{controller.get_name()}' has no output 'force'; give it one [N]")
-    ports.append(controller.GetOutputPort("force"))
+        name = controller.get_name()
+        raise InputError(f"controller '{name}' has no output 'force'; give it one [N]", field="controller", value=name)
+    force = controller.GetOutputPort("force")
+    ports = [controller.get_input_port(i) for i in range(controller.num_input_ports())]
     for port in ports:
+        if port.get_name() not in CONTROLLER_INPUTS:
+            message = f"controller input '{port.get_name()}' is unknown; valid are {', '.join(CONTROLLER_INPUTS)}"
+            raise InputError(message, field="controller", value=port.get_name(), valid=CONTROLLER_INPUTS)
+    for port in (*ports, force):
         if port.size() != 1:
-            raise InputError(f"controller port '{port.get_name()}' has size {port.size()}; valid is 1")
+            message = f"controller port '{port.get_name()}' has size {port.size()}; valid is 1"
+            raise InputError(message, field=port.get_name(), value=port.size(), valid=1)
     builder.AddNamedSystem("controller", controller)
-    for name, port in zip(names, ports, strict=False):
-        source = signals[name]
+    for port in ports:
+        source = signals[port.get_name()]
         if source is None:
-            builder.ExportInput(port, name)
+            builder.ExportInput(port, port.get_name())
         else:
             builder.Connect(source, port)
-    force = controller.GetOutputPort("force")
     builder.Connect(force, f)
     return force
-
-
-def _sum(builder: DiagramBuilder, name: str, *terms: OutputPort) -> OutputPort:
-    total = builder.AddNamedSystem(name, Adder(len(terms), terms[0].size()))
-    for i, term in enumerate(terms):
-        builder.Connect(term, total.get_input_port(i))
-    return total.get_output_port()

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
-from pydrake.systems.framework import InputPort, OutputPort, PortDataType
+from pydrake.systems.framework import Diagram, DiagramBuilder, PortDataType
 
 from flipdiagram.errors import InputError
 
@@ -13,7 +13,7 @@ Box = Any
 """A Drake System, or a function without arguments that makes one: a System serves one diagram only."""
 
 
-def chosen(
+def with_replaced(
     ours: Mapping[str, Any], replace: Mapping[str, Box], signals: Collection[str], architecture: str
 ) -> dict[str, Any]:
     """The boxes of an architecture, those in `replace` in the place of ours.
@@ -22,40 +22,57 @@ def chosen(
     figure's `signals`, by name: it need not take all that the other took, and may take more.  Raises InputError
     naming box and port that do not fit.
     """
-    for name in replace:
-        if name not in ours:
-            raise InputError(f"replace: '{architecture}' has no box '{name}' to replace; choose from {', '.join(ours)}")
     boxes = dict(ours)
     for name, given in replace.items():
-        box = _made(name, given)
-        have, want = _outputs(box), _outputs(ours[name])
-        for port, size in want.items():
-            if port not in have:
-                raise misfit(name, f"no output port '{port}' but {', '.join(have) or 'none'}", f"{port} of size {size}")
-            if have[port] != size:
-                raise misfit(name, f"output port '{port}' of size {have[port]}", f"{size}")
+        if name not in ours:
+            message = f"replace: '{architecture}' has no box '{name}' to replace; choose from {', '.join(ours)}"
+            raise InputError(message, field="replace", value=name, valid=list(ours))
+        box = boxes[name] = _system(name, given)
+        sizes = _output_sizes(box)
+        for port, size in _output_sizes(ours[name]).items():
+            if port not in sizes:
+                raise misfit(
+                    name, f"no output port '{port}' but {', '.join(sizes) or 'none'}", f"{port} of size {size}"
+                )
+            if sizes[port] != size:
+                raise misfit(name, f"output port '{port}' of size {sizes[port]}", f"{size}")
         for i in range(box.num_input_ports()):
-            port_name = box.get_input_port(i).get_name()
-            if port_name not in signals:
-                raise misfit(name, f"input port '{port_name}', which is no signal", ", ".join(signals))
-        boxes[name] = box
+            if (port := box.get_input_port(i).get_name()) not in signals:
+                raise misfit(name, f"input port '{port}', which is no signal", signals)
     return boxes
 
 
-def misfit(name: str, has: str, valid: str) -> InputError:
+def misfit(name: str, has: str, valid: str | Collection[str]) -> InputError:
     """The error of a box that does not fit its place."""
-    return InputError(f"replace: the box for '{name}' has {has}; valid is {valid}")
+    words = valid if isinstance(valid, str) else ", ".join(valid)
+    return InputError(f"replace: the box for '{name}' has {has}; valid is {words}", field=name, value=has, valid=valid)
 
 
-def _made(name: str, given: Box) -> Any:
+def build_diagram(builder: DiagramBuilder, replace: Mapping[str, Box] | None) -> Diagram:
+    """What the builder holds; raises InputError where boxes of the user's own close an algebraic loop."""
+    try:
+        return builder.Build()
+    except RuntimeError as error:
+        if "algebraic loop" not in str(error) or not replace:
+            raise
+        reason = f"closes an algebraic loop: {str(error).splitlines()[0]}"
+        raise InputError(f"replace: {', '.join(replace)} {reason}", field="replace", value=list(replace)) from None
+
+
+def _system(name: str, given: Box) -> Any:
     box = given
-    if isinstance(given, type) or (isinstance(given, Callable) and not hasattr(given, "num_input_ports")):  # type: ignore[arg-type]
+    if isinstance(given, type) or (callable(given) and not hasattr(given, "num_input_ports")):
         box = given()
     if not hasattr(box, "num_input_ports"):
-        raise InputError(f"replace: '{name}' = {given!r} is no Drake System; valid is one, or what makes one")
+        raise InputError(
+            f"replace: '{name}' = {given!r} is no Drake System; valid is one, or what makes one",
+            field=name,
+            value=given,
+            valid="a Drake System, or what makes one",
+        )
     return box
 
 
-def _outputs(box: Any) -> dict[str, int]:
-    ports: list[OutputPort | InputPort] = [box.get_output_port(i) for i in range(box.num_output_ports())]
+def _output_sizes(box: Any) -> dict[str, int]:
+    ports = [box.get_output_port(i) for i in range(box.num_output_ports())]
     return {port.get_name(): port.size() for port in ports if port.get_data_type() == PortDataType.kVectorValued}

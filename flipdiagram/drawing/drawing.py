@@ -7,10 +7,10 @@ import shutil
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from pydrake.systems.framework import Diagram
 
-from flipdiagram.diagrams.loop import Loop
 from flipdiagram.drawing.dot import render, to_dot
 from flipdiagram.drawing.graph import Graph, read_graph
 from flipdiagram.drawing.layout import FEEDBACK, Line, lines
@@ -20,8 +20,17 @@ from flipdiagram.drawing.style import Style, styled_by_rate
 from flipdiagram.errors import InputError
 from flipdiagram.files import write_atomically
 
-CELL = ("scene_graph", "joint_friction", "joint_torque", "joint_state", "contact_forces")
-"""The systems of `plants.cell` beside the plant, which stand flat in the loop's diagram."""
+
+class HasDiagram(Protocol):
+    """Something around a Diagram that says how it is drawn."""
+
+    @property
+    def diagram(self) -> Diagram:
+        """The diagram itself."""
+
+    @property
+    def groups(self) -> Mapping[str, Collection[str]]:
+        """Names of its systems that are drawn as one box, by the name of the box."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +84,8 @@ class Drawing:
         }
         suffix = Path(path).suffix.lower()
         if suffix not in forms:
-            raise InputError(f"drawing '{path}' has the suffix '{suffix}'; choose from {', '.join(forms)}")
+            message = f"drawing '{path}' has the suffix '{suffix}'; choose from {', '.join(forms)}"
+            raise InputError(message, field="path", value=suffix, valid=list(forms))
         return write_atomically(path, forms[suffix]())
 
     def _render(self, form: str) -> bytes:
@@ -93,7 +103,7 @@ class Drawing:
 
 
 def draw(
-    diagram: Diagram | Loop,
+    diagram: Diagram | HasDiagram,
     *,
     depth: int = 0,
     title: str | None = None,
@@ -102,21 +112,27 @@ def draw(
     feedback: Collection[str] = FEEDBACK,
     taps: bool = False,
 ) -> Drawing:
-    """Draw a Diagram, ours or anyone's, or a Loop: Fig. 4 of the paper with the boxes that are there.
+    """Draw a Diagram, ours or anyone's, or what holds one and says what of it is one box, such as a Loop.
 
-    depth: levels of sub-diagrams and groups that are opened; rates: colour the boxes by sample time; groups: names of
-    systems of the outermost diagram drawn as one box, by its name (for a Loop, all of the cell as `robot`); feedback:
-    names of boxes on the way back, drawn from right to left; taps: draw log sinks and meters too, and in a diagram
-    without inputs the outputs that tap a signal which also goes elsewhere.
+    Args:
+        diagram: what is drawn.
+        depth: levels of sub-diagrams and groups that are opened.
+        title: stands above the figure.
+        rates: colour the boxes by sample time.
+        groups: names of systems of the outermost diagram drawn as one box, by its name.
+        feedback: names of boxes on the way back, drawn from right to left.
+        taps: draw log sinks and what else only looks on (an attribute `only_looks_on` says so) too, and in a diagram
+            without inputs the outputs that tap a signal which also goes elsewhere.
 
-    Raises InputError for a depth that is no whole number >= 0, groups that do not fit, or what is no Diagram.
+    Raises:
+        InputError: for a depth that is no whole number >= 0, groups that do not fit, or what is no Diagram.
     """
-    if isinstance(diagram, Loop):
-        cell = (diagram.cell.plant.get_name(), *CELL)
-        groups = {"robot": cell} if groups is None else groups
-        diagram = diagram.diagram
     if not isinstance(diagram, Diagram):
-        raise InputError(f"cannot draw a {type(diagram).__name__}; valid is a Drake Diagram or a Loop")
+        if not hasattr(diagram, "diagram"):
+            message = f"cannot draw a {type(diagram).__name__}; valid is a Drake Diagram or a Loop"
+            raise InputError(message, field="diagram", value=diagram, valid="a Drake Diagram or a Loop")
+        groups = diagram.groups if groups is None else groups
+        diagram = diagram.diagram
     graph = read_graph(diagram, depth=depth, groups=groups, taps=taps)
     style = styled_by_rate(graph.boxes) if rates else Style()
     return Drawing(graph, lines(graph, feedback), style, title)

@@ -15,6 +15,24 @@ GAP = 5.0
 """Least distance of parallel pieces of two arrows, and of arrows from boxes they pass [pt]."""
 SIDE = (0.0, 6.0, -6.0, 12.0, -12.0)
 """Where arrows may meet a side of a box: distances from its middle [pt]."""
+LEVEL = 0.1
+"""Distance below which two points, or two heights, are one [pt]."""
+USABLE = 0.35
+"""Share of a side, to either side of its middle, where an arrow may end: the corners are rounded."""
+
+# What a route costs, in points of length; only the order of magnitude between the groups matters.
+# Never, if there is any way round: it would be read wrongly.
+THROUGH_A_BOX, ON_ANOTHER_ARROW, SHORT_HEAD, SHORT_TAIL = 1000.0, 300.0, 200.0, 100.0
+# Better not: it is read, but with an effort.
+THROUGH_TEXT, INTO_A_SUM_FROM_ITS_SIDE, FEEDBACK_ABOVE, CROSSING = 60.0, 40.0, 25.0, 12.0
+# Tidiness, between routes that are equally clear: few pieces, short, from the middles of the sides.
+PIECE, LENGTH, OFF_CENTRE = 8.0, 1.0 / 20.0, 0.3
+
+# What the place of a name costs: over a name, a box or an arrow it cannot be read; then whose name it is must be clear.
+NAME_ON_NAME, NAME_ON_BOX, NAME_ON_ARROW = 1000.0, 500.0, 100.0
+PIECE_TOO_SHORT, ON_A_SHARED_PIECE = 80.0, 50.0
+# Tidiness: in the middle of a long level piece, above it.
+OFF_THE_MIDDLE, BESIDE_AN_UPRIGHT, BELOW, PER_LENGTH, LONG = 60.0, 20.0, 5.0, 1.0 / 10.0, 200.0
 
 
 @dataclass(frozen=True)
@@ -83,28 +101,28 @@ class Routes:
         self._boxes, self._sums, self._wires, self._texts = boxes, sums, wires, texts
         self._main = {end for wire in wires if wire.main for end in (wire.source, wire.target)}
         self._lanes = _lanes(boxes.values())
-        self._found: dict[int, Route] = {}
+        self._routes: dict[int, Route] = {}
         order = sorted(range(len(wires)), key=lambda i: (not wires[i].main, i))
         for i in (*order, *order):  # the first ones did not know of the later ones
-            self._found.pop(i, None)
-            self._found[i] = self._best(wires[i])
+            self._routes.pop(i, None)
+            self._routes[i] = self._best(wires[i])
 
     def all(self) -> list[Route]:
         """The routes in the order of the wires."""
-        return [self._found[i] for i in range(len(self._wires))]
+        return [self._routes[i] for i in range(len(self._wires))]
 
     def _best(self, wire: Wire) -> Route:
         """Of up to two corners, short, clear of boxes and of the other routes."""
         ways = [(self._length(route, wire), i, route) for i, route in enumerate(self._ways(wire))]
-        best, chosen = math.inf, None
+        least, best = math.inf, None
         for length, _, route in sorted(ways):
-            if length >= best:
+            if length >= least:
                 break
-            cost = self._with_obstacles(length, route, wire, best)
-            if cost < best:
-                best, chosen = cost, route
-        assert chosen is not None, "some way leads around everything"
-        return chosen
+            cost = self._with_obstacles(length, route, wire, least)
+            if cost < least:
+                least, best = cost, route
+        assert best is not None, "some way leads around everything"
+        return best
 
     def _ways(self, wire: Wire) -> Iterator[Route]:
         a, b = self._boxes[wire.source], self._boxes[wire.target]
@@ -117,22 +135,23 @@ class Routes:
         if name in self._sums:
             return SIDE[:1]
         box = self._boxes[name]
-        most = 0.35 * min(box.right - box.left, box.top - box.bottom)
+        most = USABLE * min(box.right - box.left, box.top - box.bottom)
         return [offset for offset in SIDE if abs(offset) <= most]
 
     def _length(self, route: Route, wire: Wire) -> float:
         """Cost of a route for itself."""
         pieces = list(pairwise(route))
         lengths = [abs(b[0] - a[0]) + abs(b[1] - a[1]) for a, b in pieces]
-        cost = 8.0 * len(pieces) + sum(lengths) / 20.0 + 100.0 * (lengths[0] < GAP) + 200.0 * (lengths[-1] < 2 * GAP)
+        cost = PIECE * len(pieces) + LENGTH * sum(lengths)
+        cost += SHORT_TAIL * (lengths[0] < GAP) + SHORT_HEAD * (lengths[-1] < 2 * GAP)
         ends = (self._boxes[wire.source], route[0]), (self._boxes[wire.target], route[-1])
-        cost += 0.3 * sum(_off_centre(box, end) for box, end in ends)
+        cost += OFF_CENTRE * sum(_off_centre(box, end) for box, end in ends)
         joins = wire.target in self._sums and wire.target in self._main and not wire.main
-        if joins and len(route) > 2 and abs(route[-1][1] - route[-2][1]) < 0.1:
-            cost += 40.0  # terms join the main path from above or below
+        if joins and len(route) > 2 and abs(route[-1][1] - route[-2][1]) < LEVEL:
+            cost += INTO_A_SUM_FROM_ITS_SIDE  # terms join the main path from above or below
         highest = max(self._boxes[end].top for end in (wire.source, wire.target))
         if wire.backward and any(y > highest for _, y in route):
-            cost += 25.0  # feedback runs below
+            cost += FEEDBACK_ABOVE  # feedback runs below
         return cost
 
     def _with_obstacles(self, cost: float, route: Route, wire: Wire, enough: float) -> float:
@@ -140,14 +159,14 @@ class Routes:
         pieces = [around(*piece) for piece in pairwise(route)]
         for name, box in self._boxes.items():
             by = GAP if name not in (wire.source, wire.target) else -1.0
-            cost += 1000.0 * sum(_near(box, piece, by) for piece in pieces)
+            cost += THROUGH_A_BOX * sum(_near(box, piece, by) for piece in pieces)
             if cost >= enough:
                 return cost
-        cost += 60.0 * sum(_near(text, piece, 0.0) for text in self._texts for piece in pieces)
-        for i, drawn in self._found.items():
-            same = self._wires[i].net == wire.net and drawn[0] == route[0]
-            theirs = [around(*piece) for piece in pairwise(drawn)]
-            cost += sum(_conflict(piece, other, same) for piece in pieces for other in theirs)
+        cost += THROUGH_TEXT * sum(_near(text, piece, 0.0) for text in self._texts for piece in pieces)
+        for i, laid in self._routes.items():
+            same = self._wires[i].net == wire.net and laid[0] == route[0]
+            others = [around(*piece) for piece in pairwise(laid)]
+            cost += sum(_conflict(piece, other, same) for piece in pieces for other in others)
             if cost >= enough:
                 return cost
         return cost
@@ -155,20 +174,17 @@ class Routes:
 
 def branches(routes: Sequence[Route], wires: Sequence[Wire]) -> list[Point]:
     """Where wires of one net part."""
-    found: dict[Point, None] = {}
-    for i, first in enumerate(routes):
-        for k in range(i):
-            if wires[k].net == wires[i].net and (point := _parting(first, routes[k])) is not None:
-                found[point] = None
-    return list(found)
+    pairs = ((i, k) for i in range(len(routes)) for k in range(i) if wires[k].net == wires[i].net)
+    points = (_parting(routes[i], routes[k]) for i, k in pairs)
+    return list(dict.fromkeys(point for point in points if point is not None))
 
 
 def _parting(a: Route, b: Route) -> Point | None:
     """The end of what two routes share from their start; None where they share nothing."""
-    if math.dist(a[0], b[0]) > 0.1:
+    if math.dist(a[0], b[0]) > LEVEL:
         return None
     for i, (p, q) in enumerate(zip(a[1:], b[1:], strict=False)):
-        if math.dist(p, q) < 0.1:
+        if math.dist(p, q) < LEVEL:
             continue
         start = a[i]
         u, v = ((p[0] - start[0], p[1] - start[1]), (q[0] - start[0], q[1] - start[1]))
@@ -191,9 +207,9 @@ def _lanes(boxes: Iterable[Rectangle]) -> tuple[list[float], list[float]]:
 def _straight(a: Rectangle, b: Rectangle, i: float) -> Iterator[Route]:
     """Level or upright, off the middle of the first box by i, where that meets the second one."""
     x, y = a.centre[0] + i, a.centre[1] + i
-    if abs(y - b.centre[1]) <= 0.35 * (b.top - b.bottom) and (a.right <= b.left or b.right <= a.left):
+    if abs(y - b.centre[1]) <= USABLE * (b.top - b.bottom) and (a.right <= b.left or b.right <= a.left):
         yield ((a.right, y), (b.left, y)) if a.right <= b.left else ((a.left, y), (b.right, y))
-    if abs(x - b.centre[0]) <= 0.35 * (b.right - b.left) and (a.top <= b.bottom or b.top <= a.bottom):
+    if abs(x - b.centre[0]) <= USABLE * (b.right - b.left) and (a.top <= b.bottom or b.top <= a.bottom):
         yield ((x, a.top), (x, b.bottom)) if a.top <= b.bottom else ((x, a.bottom), (x, b.top))
 
 
@@ -221,24 +237,25 @@ def place_name(
     """
     width, height = size
     areas = [box.grown(1.0) for box in boxes]
-    drawn = [around(*piece).grown(1.0) for other in routes for piece in pairwise(other)]
-    beside = [other for other in routes if other != route and math.dist(other[0], route[0]) < 0.1]
+    arrows = [around(*piece).grown(1.0) for other in routes for piece in pairwise(other)]
+    beside = [other for other in routes if other != route and math.dist(other[0], route[0]) < LEVEL]
     shared = [around(*piece) for other in beside for piece in pairwise(other)]
     best: tuple[float, Rectangle] | None = None
     for (ax, ay), (bx, by) in pairwise(route):
-        level = abs(by - ay) < 0.1
+        level = abs(by - ay) < LEVEL
         length = abs(bx - ax) + abs(by - ay)
         for part in (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9):
             x, y = ax + part * (bx - ax), ay + part * (by - ay)
             for side in (1, -1):
                 middle = (x, y + side * (height / 2 + 1.0)) if level else (x + side * (width / 2 + 4.0), y)
                 area = Rectangle(*middle, *middle).grown(width / 2, height / 2)
-                cost = 1000.0 * sum(area.overlaps(other) for other in names)
-                cost += 500.0 * sum(area.overlaps(other) for other in areas)
-                cost += 100.0 * sum(area.overlaps(other) for other in drawn)
-                cost += 60.0 * abs(part - 0.5) + (side < 0) * 5.0 + (not level) * 20.0 - min(length, 200.0) / 10.0
-                cost += 80.0 * (length < (width if level else height))
-                cost += 50.0 * any(_near(piece, Rectangle(x, y, x, y), 0.1) for piece in shared)
+                cost = NAME_ON_NAME * sum(area.overlaps(other) for other in names)
+                cost += NAME_ON_BOX * sum(area.overlaps(other) for other in areas)
+                cost += NAME_ON_ARROW * sum(area.overlaps(other) for other in arrows)
+                cost += OFF_THE_MIDDLE * abs(part - 0.5) + BELOW * (side < 0) + BESIDE_AN_UPRIGHT * (not level)
+                cost -= PER_LENGTH * min(length, LONG)
+                cost += PIECE_TOO_SHORT * (length < (width if level else height))
+                cost += ON_A_SHARED_PIECE * any(_near(piece, Rectangle(x, y, x, y), LEVEL) for piece in shared)
                 if best is None or cost < best[0]:
                     best = (cost, area)
     assert best is not None, "a route has at least one piece"
@@ -259,8 +276,8 @@ def _conflict(a: Rectangle, b: Rectangle, same: bool) -> float:
     """Two arrows may cross, though better not, and may not run on top of each other unless they are of one net."""
     if not _near(a, b, GAP):
         return 0.0
-    a_level, b_level = (piece.top - piece.bottom < 0.1 for piece in (a, b))
+    a_level, b_level = (piece.top - piece.bottom < LEVEL for piece in (a, b))
     if a_level != b_level:
-        return 0.0 if same else 12.0
+        return 0.0 if same else CROSSING
     apart = abs(a.top - b.top) if a_level else abs(a.right - b.right)
-    return 0.0 if same and apart < 0.1 else 300.0
+    return 0.0 if same and apart < LEVEL else ON_ANOTHER_ARROW

@@ -1,28 +1,21 @@
 """Results -> Matplotlib axes (Figs. 12 to 15 of the paper and what belongs to them). Nothing here simulates.
 
-Every function draws into the axes it is given, or into a new Figure, and returns the axes; figures are Figure
-objects without pyplot, so there is no display and no global state. `recordings` maps architecture to its
-recording (an xarray.Dataset as written by simulate.py); time 0 is the start of the motion. `save` writes the
-same bytes for the same figure.
+Every function draws into the axes it is given, or into a new Figure, and returns the axes.  `recordings` maps
+architecture to its recording (an xarray.Dataset as written by `simulate`); time 0 is the start of the motion.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
-from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from flipdiagram.arrays import Array
-from flipdiagram.errors import InputError
-from flipdiagram.files import atomic_path
+from flipdiagram.figures.style import GUIDE, LABELS, MARK, NAMES, STYLES, WITH_OBSERVER, finish, new_axes, style_of
 from flipdiagram.scenario.scenario import ARCHITECTURES
 from flipdiagram.simulation import metrics
 
@@ -30,57 +23,6 @@ if TYPE_CHECKING:
     from flipdiagram.planning.plan import Plan
 
 Recordings = Mapping[str, xr.Dataset]
-
-
-@dataclass(frozen=True)
-class Style:
-    """How one signal looks, in every figure.
-
-    The colours are Okabe and Ito's, which colour-blind readers can tell apart.
-    """
-
-    color: str
-    linestyle: Any
-    zorder: float
-    linewidth: float = 1.5
-
-    def line(self) -> dict[str, Any]:
-        """Keywords of Axes.plot."""
-        return {"color": self.color, "linestyle": self.linestyle, "linewidth": self.linewidth, "zorder": self.zorder}
-
-
-# broken lines lie over solid ones, or they could not be seen where two signals agree
-STYLES = {
-    "command": Style("#000000", "-", 2.9, 0.9),
-    "pd": Style("#D55E00", (0, (1, 1.2)), 2.8),
-    "pd+ff": Style("#E69F00", (0, (6, 1.5, 1, 1.5)), 2.7),
-    "pd+dob": Style("#0072B2", (0, (5, 1.5)), 2.6),
-    "pd+ff+dob": Style("#009E73", "-", 2.5, 1.9),
-}
-NAMES = {"command": "command", "pd": "PD", "pd+ff": "PD + FF", "pd+dob": "PD + DOB", "pd+ff+dob": "PD + FF + DOB"}
-WITH_OBSERVER = ("pd+dob", "pd+ff+dob")
-AXES = ("y", "z", "theta")
-LABELS = {
-    "x": ("y [m]", "z [m]", "θ [rad]"),
-    "v": ("$v_y$ [m/s]", "$v_z$ [m/s]", "$v_θ$ [rad/s]"),
-    "a": ("$a_y$ [m/s²]", "$a_z$ [m/s²]", "$a_θ$ [rad/s²]"),
-}
-MARK: Any = {"color": "black", "linestyle": "none", "zorder": 3}
-GUIDE: Any = {"color": "0.4", "linewidth": 0.9, "linestyle": ":"}
-RC: Any = {
-    "svg.hashsalt": "flipdiagram",
-    "svg.fonttype": "path",
-    "font.family": "DejaVu Sans",  # comes with Matplotlib: the same text everywhere
-    "font.size": 9.0,
-}
-
-
-def style_of(name: str) -> Style:
-    """The style of an architecture or of the command; raises InputError for an unknown name."""
-    try:
-        return STYLES[name]
-    except KeyError:
-        raise InputError(f"unknown architecture '{name}'; choose from {', '.join(ARCHITECTURES)}") from None
 
 
 def dropped_at(recording: xr.Dataset) -> float | None:
@@ -108,7 +50,7 @@ def plot_trajectories(recordings: Recordings, ax: Axes | None = None) -> Axes:
     ax.set(xlabel=LABELS["x"][0], ylabel=LABELS["x"][1])
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.08)
-    _finish([ax], own)
+    finish([ax], own)
     return ax
 
 
@@ -138,7 +80,7 @@ def plot_sliding_angle(recordings: Recordings, ax: Axes | None = None) -> Axes:
         ax.axhline(cone, **GUIDE, label="friction angle")
         ax.axhline(-cone, **GUIDE)
     ax.set(xlabel="time [s]", ylabel="sliding angle φ [deg]", ylim=(-100, 100), yticks=range(-90, 91, 30))
-    _finish([ax], own)
+    finish([ax], own)
     return ax
 
 
@@ -159,7 +101,7 @@ def plot_torques(recordings: Recordings, axes: Sequence[Axes] | None = None) -> 
     for ax in axes[max(0, len(joints) - 3) :]:
         ax.set_xlabel("time [s]")
         ax.tick_params(labelbottom=True)
-    _finish(axes, own)
+    finish(axes, own)
     return axes
 
 
@@ -179,7 +121,7 @@ def plot_plan(plan: Plan, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
             ax.set(ylabel=LABELS[quantity][column])
     for ax in axes[6:]:
         ax.set_xlabel("time [s]")
-    _finish(axes, own)
+    finish(axes, own)
     return axes
 
 
@@ -201,46 +143,22 @@ def snapshot_strip(images: ArrayLike, times: Sequence[float] | Array, ax: Axes |
     return ax
 
 
-def new_axes(count: int, size: tuple[float, float], columns: int = 1, frame: bool = True) -> list[Axes]:
-    """Axes of a new Figure of a size in inches, row by row; without a frame they fill it."""
-    with rc_context(RC):
-        figure = Figure(figsize=size, layout="constrained" if frame else None)
-        if not frame:
-            return [figure.add_axes((0, 0, 1, 1))]
-        return list(np.ravel(figure.subplots(count // columns, columns, sharex=count > 1, squeeze=False)))
-
-
-def save(figure: Figure, path: str | Path, dpi: int = 150) -> list[Path]:
-    """Write `path`.png and `path`.svg (path without suffix), each whole or not at all; returns both paths.
-
-    No dates inside: the same figure gives the same bytes. Raises InputError where it cannot write.
-    """
-    written = []
-    with rc_context(RC):
-        for suffix, metadata in (("png", {"Software": None}), ("svg", {"Date": None, "Creator": None})):
-            target = Path(f"{path}.{suffix}")
-            with atomic_path(target) as temporary:
-                figure.savefig(temporary, format=suffix, dpi=dpi, metadata=metadata)
-            written.append(target)
-    return written
-
-
 def _plot_responses(
     recordings: Recordings, architectures: Sequence[str], quantity: str, axes: Sequence[Axes] | None
 ) -> Sequence[Axes]:
     own, axes = axes is None, list(new_axes(3, (5.6, 6.2)) if axes is None else axes)
-    chosen = {name: recordings[name] for name in architectures if name in recordings}
-    for name, recording in _command_first(chosen):
+    shown = {name: recordings[name] for name in architectures if name in recordings}
+    for name, recording in _command_first(shown):
         window = _motion(recording)
         components = _components(window, f"{quantity}_cmd" if name == "command" else quantity)
         for ax, values in zip(axes, components, strict=True):
             _line(ax, window["time"], values, name)
     for ax, label in zip(axes, LABELS[quantity], strict=True):
         ax.set(ylabel=label)
-        for recording in list(chosen.values())[:1]:
+        for recording in list(shown.values())[:1]:
             ax.axvline(recording.attrs["release_time_s"], **GUIDE, label="planned release")
     axes[-1].set_xlabel("time [s]")
-    _finish(axes, own)
+    finish(axes, own)
     return axes
 
 
@@ -262,19 +180,4 @@ def _line(ax: Axes, horizontal: ArrayLike, vertical: ArrayLike, name: str) -> No
 
 
 def _components(recording: xr.Dataset, name: str) -> list[Array]:
-    return [recording[name].values[:, k] for k in range(len(AXES))]
-
-
-def _finish(axes: Sequence[Axes], own: bool) -> None:
-    """Grid and legend; the legend stands above the panels where the figure is our own."""
-    for ax in axes:
-        ax.grid(color="0.9", linewidth=0.6)
-        ax.set_axisbelow(True)
-        ax.spines[["top", "right"]].set_visible(False)
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure = axes[0].figure
-    if handles and own and isinstance(figure, Figure):
-        columns = 3 if figure.get_figwidth() < 7 else 5
-        figure.legend(handles, labels, loc="outside upper center", ncols=columns, frameon=False)
-    elif handles:
-        axes[0].legend(fontsize="small", framealpha=0.9)
+    return list(recording[name].values.T)

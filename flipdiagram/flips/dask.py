@@ -1,69 +1,69 @@
-"""The Dask engine: the same calls on the workers of an existing scheduler (extra `cluster`)."""
+"""The same calls on the workers of an existing Dask scheduler (extra `cluster`)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from typing import Any
 
 from flipdiagram.errors import InputError
-from flipdiagram.flips.engine import Engine
-from flipdiagram.flips.flips import SOURCES
+from flipdiagram.flips.flip import SOURCES
 from flipdiagram.flips.provenance import code_version
+from flipdiagram.flips.retries import first_line
+from flipdiagram.flips.workers import Workers
 
 CONNECT_TIMEOUT = 10.0
 """Seconds to wait for the scheduler."""
 
 
-@contextmanager
-def cluster(address: str) -> Iterator[Engine]:
+class DaskWorkers(Workers):
     """The workers of the scheduler at an address; InputError where there is none, or with other code."""
-    try:
-        from distributed import Client
-    except ImportError:
-        raise InputError(
-            f"--scheduler = '{address}' needs Dask, which is not installed;"
-            " install it with: pip install 'flipdiagram[cluster]'"
-        ) from None
-    try:
-        client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
-        raise InputError(
-            f"--scheduler = '{address}' cannot be reached: {_first_line(error)};"
-            " valid is the address that `dask scheduler` prints, such as tcp://127.0.0.1:8786"
-        ) from None
-    # a failed call is repeated by us, who count; Dask moves those of a lost worker on its own account
-    executor = client.get_executor(pure=False, retries=0)
-    try:
-        _check_versions(client, address)
-        name = f"Dask at {address}, {_threads(client)} threads"
-        yield Engine(executor, lambda: _threads(client), name, lambda: client.status == "running")
-    finally:
+
+    def __init__(self, address: str) -> None:
+        try:
+            from distributed import Client
+        except ImportError:
+            valid = "pip install 'flipdiagram[cluster]'"
+            raise _refusal(address, f"needs Dask, which is not installed; install it with: {valid}", valid) from None
+        try:
+            self._client: Any = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
+        except (OSError, ValueError, TypeError) as error:
+            valid = "the address that `dask scheduler` prints, such as tcp://127.0.0.1:8786"
+            raise _refusal(address, f"cannot be reached: {first_line(error)}; valid is {valid}", valid) from None
+        # a failed call is repeated by us, who count; Dask moves those of a lost worker on its own account
+        self._calls = set()
+        self._executor = self._client.get_executor(pure=False, retries=0)
+        try:
+            self._check_versions(address)
+        except BaseException:
+            self.__exit__()
+            raise
+        self.name = f"Dask at {address}, {self.width()} threads"
+
+    def __exit__(self, *exception: object) -> None:
         with suppress(Exception):  # the scheduler may be gone already
-            executor.shutdown(wait=False)
+            self._executor.shutdown(wait=False)
         with suppress(Exception):
-            client.close(timeout=CONNECT_TIMEOUT)
+            self._client.close(timeout=CONNECT_TIMEOUT)
+
+    def width(self) -> int:
+        """Threads of all workers that are there now."""
+        return sum(self._client.nthreads().values()) if self.alive() else 0
+
+    def alive(self) -> bool:
+        """Whether the scheduler is there."""
+        return bool(self._client.status == "running")
+
+    def _check_versions(self, address: str) -> None:
+        valid = "workers with the same flipdiagram, Drake and Python"
+        try:
+            by_worker = self._client.run(code_version, SOURCES)
+        except Exception as error:  # a worker raises what it likes: no such module, another Python
+            text = f"a worker cannot run this program: {first_line(error)}; valid are {valid}"
+            raise _refusal(address, text, valid) from None
+        if other := [worker for worker, version in by_worker.items() if version != code_version(SOURCES)]:
+            text = f"{', '.join(other)} has other code or versions than this process; valid are {valid}"
+            raise _refusal(address, text, valid)
 
 
-def _threads(client: Any) -> int:
-    return sum(client.nthreads().values()) if client.status == "running" else 0
-
-
-def _check_versions(client: Any, address: str) -> None:
-    try:
-        found = client.run(code_version, SOURCES)
-    except Exception as error:  # a worker raises what it likes: no such module, another Python
-        raise InputError(
-            f"--scheduler = '{address}': a worker cannot run this program: {_first_line(error)};"
-            " valid are workers with the same flipdiagram installed"
-        ) from None
-    other = [worker for worker, version in found.items() if version != code_version(SOURCES)]
-    if other:
-        raise InputError(
-            f"--scheduler = '{address}': {', '.join(other)} has other code or versions than this process;"
-            " valid are workers with the same flipdiagram, Drake and Python"
-        )
-
-
-def _first_line(error: BaseException) -> str:
-    return str(error).splitlines()[0] if str(error) else type(error).__name__
+def _refusal(address: str, problem: str, valid: str) -> InputError:
+    return InputError(f"--scheduler = '{address}' {problem}", field="--scheduler", value=address, valid=valid)

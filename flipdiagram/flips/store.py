@@ -1,97 +1,170 @@
-"""Where finished flips are kept: one SQLite file, each entry committed as it comes."""
+"""What is kept of flips, of a campaign's as of a study's: one row each in SQLite, committed when it ends."""
 
 from __future__ import annotations
 
+import json
 import sqlite3
-import time
-from collections.abc import Iterator
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import Any
 
 from flipdiagram.errors import InputError
+from flipdiagram.flips.outcome import Outcome
 
-VERSION = 1
 SCHEMA = """
-CREATE TABLE IF NOT EXISTS plans (key TEXT PRIMARY KEY, plan TEXT, error TEXT);
-CREATE TABLE IF NOT EXISTS flips (
-    key TEXT PRIMARY KEY, architecture TEXT NOT NULL, scenario TEXT NOT NULL, outcome TEXT NOT NULL, seconds REAL
-);
+CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE plans (key TEXT PRIMARY KEY, plan BLOB, error TEXT);
+CREATE TABLE trials (
+    trial NOT NULL, architecture TEXT NOT NULL, outcome TEXT NOT NULL, failure TEXT, seed INTEGER NOT NULL,
+    scenario_hash TEXT NOT NULL, overrides TEXT NOT NULL, "values" TEXT NOT NULL, metrics TEXT, plan TEXT,
+    code TEXT NOT NULL, versions TEXT NOT NULL, seconds REAL NOT NULL, host TEXT NOT NULL, attempts INTEGER NOT NULL,
+    finished REAL NOT NULL, PRIMARY KEY (trial, architecture)
+) WITHOUT ROWID;
 """
-PATIENCE = 30.0
-"""Seconds to wait for another process that writes the same file."""
+CIRCUMSTANCES = ("seconds", "host", "attempts", "finished")
+"""Columns that tell how a row came about; the others do not depend on workers, their number or their order."""
+TIMES = ("solve_time_s",)
+"""Entries of a plan's summary that differ from run to run."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One flip that has ended; the mappings are plain data."""
+
+    trial: int | str
+    """Its number in a campaign; the key of its question in a study."""
+    architecture: str
+    outcome: str
+    """One of `outcome.MODES`."""
+    failure: str | None
+    seed: int
+    scenario_hash: str
+    overrides: Mapping[str, Any]
+    values: Sequence[Any]
+    """Of the dimensions, in their order."""
+    metrics: Mapping[str, Any] | None
+    plan: Mapping[str, Any] | None
+    """The plan's summary."""
+    code: str
+    versions: Mapping[str, str]
+    seconds: float
+    host: str
+    attempts: int
+    finished: float
+    """Seconds since 1970."""
+
+    def content(self) -> dict[str, Any]:
+        """What does not depend on where and when it ran."""
+        plan = self.plan and {name: value for name, value in self.plan.items() if name not in TIMES}
+        return {k: v for k, v in asdict(self).items() if k not in CIRCUMSTANCES} | {"plan": plan}
+
+
+COLUMNS = tuple(field.name for field in fields(Row))
+_JSON = ("overrides", "values", "metrics", "plan", "versions")
+_NAMES = ", ".join(f'"{name}"' for name in COLUMNS)
 
 
 class Store:
-    """Plans and outcomes by key.  Use it in a `with` block.
+    """The rows and plans in a file that `store_file.open_to_write` or `store_file.open_to_read` has opened.
 
-    Raises InputError, naming the file, where it is damaged, of a newer version, locked, or the disk is full.
+    Raises InputError, naming the file, where it is damaged, locked, or the disk is full.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, database: sqlite3.Connection) -> None:
         self.path = path
-        with self._errors():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._database = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
-            try:
-                self._open_patiently()
-            except BaseException:
-                self._database.close()
-                raise
+        self._database = database
 
-    def _open_patiently(self) -> None:
-        # SQLite's own timeout does not cover the change to WAL, which two processes may begin at once
-        until = time.monotonic() + PATIENCE
-        while True:
-            try:
-                return self._open()
-            except sqlite3.OperationalError as error:
-                if "locked" not in str(error) or time.monotonic() > until:
-                    raise
-                time.sleep(0.02)
+    def meta(self) -> dict[str, str]:
+        """Specification, its digest, versions, and when it was begun."""
+        return dict(self._all("SELECT key, value FROM meta"))
 
-    def _open(self) -> None:
-        (version,) = self._database.execute("PRAGMA user_version").fetchone()
-        if version > VERSION:
-            raise InputError(
-                f"'{self.path}' is of version {version}, newer than this program; valid is at most {VERSION}"
-            )
-        # a writer that is killed leaves the last committed entry, and readers do not wait for it
-        self._database.execute("PRAGMA journal_mode = WAL")
-        self._database.executescript(SCHEMA)
-        self._database.execute(f"PRAGMA user_version = {VERSION}")
+    def specification(self) -> dict[str, Any]:
+        """What decides the results, as `Specification.as_dict` gave it."""
+        return json.loads(self.meta()["specification"])
 
-    def __enter__(self) -> Store:
-        return self
+    def done(self) -> dict[tuple[Any, str], str]:
+        """(trial, architecture) → hash of its scenario, of all rows."""
+        return {(t, a): h for t, a, h in self._all("SELECT trial, architecture, scenario_hash FROM trials")}
 
-    def __exit__(self, *exception: object) -> None:
-        self._database.close()
+    def counts(self) -> list[tuple[str, str, int]]:
+        """(architecture, outcome, number of rows)."""
+        return self._all("SELECT architecture, outcome, count(*) FROM trials GROUP BY architecture, outcome")
+
+    def pace(self, last: int = 200) -> tuple[int, float, float]:
+        """Of the last rows: how many, over which time [s], and when the last one ended [s since 1970]."""
+        query = "SELECT count(*), max(finished) - min(finished), max(finished) FROM"
+        rows = self._all(f"{query} (SELECT finished FROM trials ORDER BY finished DESC LIMIT ?)", (last,))
+        count, seconds, latest = rows[0]
+        return count, seconds or 0.0, latest or 0.0
+
+    def rows(self) -> Iterator[Row]:
+        """All rows by trial, then architecture."""
+        yield from map(_row, self._each(f"SELECT {_NAMES} FROM trials ORDER BY trial, architecture"))
+
+    def outcome(self, trial: int | str, architecture: str) -> Outcome | None:
+        """What became of a flip; None where it is not known."""
+        query = f"SELECT {_NAMES} FROM trials WHERE trial = ? AND architecture = ?"
+        for row in map(_row, self._all(query, (trial, architecture))):
+            return Outcome.from_row(row.metrics, row.failure, row.plan)
+        return None
 
     def plan(self, key: str) -> tuple[str | None, str | None] | None:
         """(plan as JSON, None) or (None, why there is none); None where it is not known."""
-        with self._errors():
-            return self._database.execute("SELECT plan, error FROM plans WHERE key = ?", (key,)).fetchone()
+        for plan, error in self._all("SELECT plan, error FROM plans WHERE key = ?", (key,)):
+            return None if plan is None else zlib.decompress(plan).decode(), error
+        return None
 
     def put_plan(self, key: str, plan: str | None, error: str | None) -> None:
         """Keep a plan or the reason why there is none."""
-        with self._errors():
-            self._database.execute("INSERT OR REPLACE INTO plans VALUES (?, ?, ?)", (key, plan, error))
+        packed = None if plan is None else zlib.compress(plan.encode())
+        with errors(self.path):
+            self._database.execute("INSERT INTO plans VALUES (?, ?, ?)", (key, packed, error))
 
-    def outcome(self, key: str) -> str | None:
-        """The outcome as JSON; None where it is not known."""
-        with self._errors():
-            row = self._database.execute("SELECT outcome FROM flips WHERE key = ?", (key,)).fetchone()
-        return None if row is None else row[0]
+    def put(self, rows: Sequence[Row]) -> None:
+        """Keep rows, on the disk when this returns."""
+        places = ", ".join("?" * len(COLUMNS))
+        with errors(self.path), self._database:  # all or nothing, and on the disk when it ends
+            self._database.execute("BEGIN IMMEDIATE")
+            for row in rows:
+                data = {name: getattr(row, name) for name in COLUMNS}
+                data |= {name: None if data[name] is None else to_json(data[name]) for name in _JSON}
+                self._database.execute(f"INSERT INTO trials ({_NAMES}) VALUES ({places})", tuple(data.values()))
 
-    def put_outcome(self, key: str, architecture: str, scenario: str, outcome: str, seconds: float) -> None:
-        """Keep the outcome of a flip."""
-        row = (key, architecture, scenario, outcome, seconds)
-        with self._errors():
-            self._database.execute("INSERT OR REPLACE INTO flips VALUES (?, ?, ?, ?, ?)", row)
+    def forget(self, trial: int | str, architecture: str) -> None:
+        """Take out a row, of a flip that is flown again."""
+        self._all("DELETE FROM trials WHERE trial = ? AND architecture = ?", (trial, architecture))
 
-    @contextmanager
-    def _errors(self) -> Iterator[None]:
-        try:
-            yield
-        except (sqlite3.Error, OSError) as error:
-            message = f"'{self.path}' cannot be used: {error}; valid is a writable file of this program, or none"
-            raise InputError(message) from None
+    def _all(self, query: str, values: tuple[Any, ...] = ()) -> list[Any]:
+        return list(self._each(query, values))
+
+    def _each(self, query: str, values: tuple[Any, ...] = ()) -> Iterator[Any]:
+        with errors(self.path):
+            yield from self._database.execute(query, values)
+
+
+def _row(values: tuple[Any, ...]) -> Row:
+    data = dict(zip(COLUMNS, values, strict=True))
+    return Row(**data | {name: None if data[name] is None else json.loads(data[name]) for name in _JSON})
+
+
+@contextmanager
+def errors(path: Path) -> Iterator[None]:
+    """What SQLite and the file system say, as an InputError that names the file."""
+    try:
+        yield
+    except (sqlite3.Error, OSError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise refusal(path, f"cannot be used: {reason}", "a writable file of this program, or none") from None
+
+
+def refusal(path: Path, problem: str, valid: str) -> InputError:
+    """The error of a file."""
+    return InputError(f"'{path}' {problem}; valid is {valid}", field="file", value=str(path), valid=valid)
+
+
+def to_json(data: Any) -> str:
+    """Text that is the same for the same data."""
+    return json.dumps(data, sort_keys=True, ensure_ascii=False)

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.geometry import SceneGraph
+from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlant, ContactResults, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import BodyIndex
-from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, InputPort, LeafSystem, OutputPort
+from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort
 from pydrake.systems.primitives import Adder, Demultiplexer
 
 from flipdiagram.arrays import Floats
+from flipdiagram.blocks.block import Block
 from flipdiagram.blocks.friction import JointFriction, stable_transition_velocity
 from flipdiagram.errors import InputError
 from flipdiagram.plants.push import Push
@@ -34,15 +36,18 @@ class Cell:
     contact_wrench: OutputPort
 
 
+BESIDE_THE_PLANT = ("scene_graph", "joint_friction", "joint_torque", "joint_state", "contact_forces")
+"""Names of the cell's other systems."""
 CONTACT_PAIRS = ("blade-block", "table-block", "table-blade")
 """Who pushes whom in the output of `ContactForces`: the first on the second."""
 
 
-class ContactForces(LeafSystem):
+class ContactForces(Block):
     """Contact forces, output `contact_wrench` (12,): force x, y, z [N] in world axes for each of `CONTACT_PAIRS`, then
     the moment [N·m] of the first pair's forces, blade on block, about the world's origin.
 
-    They belong to the step that begins at t: the plant's outputs are not sampled (see `add_cell`).
+    Input `contact_results` of a MultibodyPlant.  Not scalar-convertible: it reads them over float.
+    The forces belong to the step that begins at t: the plant's outputs are not sampled (see `add_cell`).
     """
 
     def __init__(self, plant: MultibodyPlant, parts: Parts) -> None:
@@ -52,12 +57,11 @@ class ContactForces(LeafSystem):
         self._slot |= {(on, by): (first, -1.0) for (by, on), (first, _) in self._slot.items()}
         bodies = (parts.arm.spatula_body, parts.block, parts.table)
         self._body_of = {g: b.index() for b in bodies for g in plant.GetCollisionGeometriesForBody(b)}
-        self._results = self.DeclareAbstractInputPort("contact_results", Value[ContactResults]())
-        self.DeclareVectorOutputPort("contact_wrench", 12, self._calc, {self._results.ticket()})
+        self.input("contact_results", Value[ContactResults]())
+        self.output("contact_wrench", 12, self._wrench)
 
-    def _calc(self, context: Context, output: BasicVector) -> None:
-        wrench = np.zeros(12)
-        results = self._results.Eval(context)
+    def _wrench(self, contact_results: ContactResults) -> Floats:
+        wrench, results = np.zeros(12), contact_results
         for i in range(results.num_hydroelastic_contacts()):
             info = results.hydroelastic_contact_info(i)
             surface = info.contact_surface()
@@ -68,7 +72,7 @@ class ContactForces(LeafSystem):
             pair = results.point_pair_contact_info(i)
             # contact_force acts on body B
             self._add(wrench, pair.bodyA_index(), pair.bodyB_index(), pair.contact_force(), pair.contact_point(), 0.0)
-        output.set_value(wrench)
+        return wrench
 
     def _add(
         self,
@@ -87,10 +91,17 @@ class ContactForces(LeafSystem):
                 wrench[9:] += sign * (couple + np.array([y * fz - z * fy, z * fx - x * fz, x * fy - y * fx]))
 
 
-def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel) -> Cell:
-    """Add the cell to a diagram.  `arm` is the controller's model of the same arm, for rated torques and inertia.
+def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start: Floats | None = None) -> Cell:
+    """Add the cell to a diagram, at rest with the block on the blade at the start of the task, level there.
 
-    Raises InputError where the joint friction's transition velocity is too small for the step.
+    Args:
+        builder: the diagram.
+        scenario: what the cell is made of.
+        arm: the controller's model of the same arm, for rated torques and inertia.
+        q_start: joint angles (n,) [rad] of the default context; by default those of the arm's files.
+
+    Raises:
+        InputError: where the joint friction's transition velocity is too small for the step.
     """
     settings = scenario.simulation
     # Sampled outputs would make the plant step in an unrestricted update, which Drake runs before the discrete updates
@@ -105,6 +116,9 @@ def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel) -> Cell
     parts = add_parts(plant, scenario)
     plant.Finalize()
     plant.set_name("robot")
+    if q_start is not None:
+        plant.SetDefaultPositions(parts.arm.arm, q_start)
+    plant.SetDefaultFloatingBaseBodyPose(parts.block, RigidTransform(_block_at_start(scenario)))
     n = arm.n_joints
     friction = builder.AddNamedSystem("joint_friction", joint_friction(scenario, arm))
     torque = builder.AddNamedSystem("joint_torque", Adder(2, n))
@@ -129,6 +143,12 @@ def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel) -> Cell
     )
 
 
+def _block_at_start(scenario: Scenario) -> Floats:
+    """Where the block's centre is at the start (3,) [m]."""
+    task, unknown = scenario.task, scenario.disturbance
+    return np.array([task.start_x, task.start_y + unknown.start_error + unknown.block_offset, task.start_z])
+
+
 def push_on_tool(scenario: Scenario, parts: Parts) -> Push:
     """The push of the scenario, at the centre of the blade's top surface."""
     unknown = scenario.disturbance
@@ -148,8 +168,10 @@ def joint_friction(scenario: Scenario, arm: ArmModel) -> LeafSystem:
     needed = stable_transition_velocity(coulomb, np.diag(arm.mass_matrix(arm.home)), scenario.simulation.step)
     if np.any(needed > level.transition_velocity):
         worst = int(np.argmax(needed))
-        raise InputError(
-            f"scenario field 'joint_friction.transition_velocity' = {level.transition_velocity} rad/s makes joint"
-            f" {arm.joint_names[worst]} chatter at this step and level; valid is at least {needed[worst]:.4f} rad/s"
+        v_s, field = level.transition_velocity, "joint_friction.transition_velocity"
+        message = (
+            f"scenario field '{field}' = {v_s} rad/s makes joint {arm.joint_names[worst]} chatter at this step and"
+            f" level; valid is at least {needed[worst]:.4f} rad/s"
         )
+        raise InputError(message, field=field, value=v_s, valid=needed[worst])
     return JointFriction(coulomb, viscous, np.full(arm.n_joints, level.transition_velocity))

@@ -4,19 +4,11 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.systems.framework import LeafSystem_
-from pydrake.systems.scalar_conversion import TemplateSystem
 
-from flipdiagram.blocks._parameters import (
-    ScalarContext,
-    ScalarDiscreteValues,
-    ScalarVector,
-    channels,
-    declare_parameter,
-    sampling,
-    write_parameter,
-)
+from flipdiagram.arrays import Array
+from flipdiagram.blocks._checks import sampling
 from flipdiagram.blocks._scalars import choose, sign
+from flipdiagram.blocks.block import Block, convertible
 from flipdiagram.errors import InputError
 from flipdiagram.theory.contact import GRAVITY_Z
 
@@ -91,106 +83,60 @@ def _log1p_ratio(rho: Any) -> Any:
     return 2.0 / (2.0 + rho) * total
 
 
-@TemplateSystem.define("OneDofPlant_")
-def OneDofPlant_(T: Any) -> type:
-    """``OneDofPlant`` over the scalar T: float, AutoDiffXd or Expression."""
+@convertible()
+class OneDofPlant(Block):
+    """n masses, each on one degree of freedom: m ẍ = f + m g_z + friction (section III-A of the paper).
 
-    class Impl(LeafSystem_[T]):
-        """n masses, each on one degree of freedom: m ẍ = f + m g_z + friction (section III-A of the paper).
+    `friction` chooses what acts besides: "none", "signum" (as the paper writes it, held over a step) or "stick-slip"
+    (static force holds below f_c, reversals inside a step found exactly).  Numeric parameters of the Context, one
+    number per channel: `mass` [kg] > 0, `f_c` [N] >= 0, `d` [N s/m] >= 0 with d period/mass <= 0.001, `gravity` g_z
+    [m/s²].  `period` in [s]; exact for a force held over it.
+    Input `f` [N]; outputs `x` [m], `v` [m/s] and `a` [m/s²], the mean acceleration of the step that begins, which alone
+    feeds through: shape (n,).
+    """
 
-        ``friction`` chooses what acts besides: "none", "signum" (as the paper writes it, held over a step) or
-        "stick-slip" (static force holds below f_c, reversals inside a step found exactly).  Numeric parameters of the
-        Context, one number per channel: ``mass`` [kg] > 0, ``f_c`` [N] >= 0, ``d`` [N s/m] >= 0 with
-        d period/mass <= 0.001, ``gravity`` g_z [m/s²].  ``period`` in [s]; exact for a force held over it.
-        Input ``f`` [N]; outputs ``x`` [m], ``v`` [m/s] and ``a`` [m/s²], the mean acceleration of the step that begins,
-        which alone feeds through: shape (n,).
-        """
+    numeric_parameter_names = ("mass", "f_c", "d", "gravity")
 
-        numeric_parameter_names = ("mass", "f_c", "d", "gravity")
+    def __init__(
+        self,
+        mass: ArrayLike,
+        period: float,
+        friction: Friction = "none",
+        f_c: ArrayLike = 0.0,
+        d: ArrayLike = 0.0,
+        gravity: ArrayLike = GRAVITY_Z,
+    ) -> None:
+        if friction not in FRICTIONS:
+            raise InputError.of("friction", friction, FRICTIONS)
+        self.friction, (self.period, _) = friction, sampling(period)
+        self.parameter("mass", mass, strict=True)
+        n = self.mass.size
+        self.parameter("f_c", f_c, n)
+        self.parameter("d", d, n)
+        self.parameter("gravity", gravity, n, minimum=-np.inf)
+        if self.d.dtype != object and (self.d * self.period > LARGEST_DAMPING * self.mass).any():
+            raise InputError.of("d", self.d.tolist(), f"at most {LARGEST_DAMPING} mass/period [N s/m]")
+        self.input("f", n)
+        self.state("x_and_v", 2 * n)
+        self.update(self._step, self.period)
+        self.output("x", n, lambda x_and_v: x_and_v[:n])
+        self.output("v", n, lambda x_and_v: x_and_v[n:])
+        self.output("a", n, self._acceleration)
 
-        def _construct(
-            self,
-            mass: ArrayLike,
-            period: float,
-            friction: Friction = "none",
-            f_c: ArrayLike = 0.0,
-            d: ArrayLike = 0.0,
-            gravity: ArrayLike = GRAVITY_Z,
-            converter: Any = None,
-        ) -> None:
-            LeafSystem_[T].__init__(self, converter=converter)
-            if friction not in FRICTIONS:
-                raise InputError(f"friction = '{friction}'; choose from {', '.join(FRICTIONS)}")
-            self.friction, (self.period, _) = friction, sampling(period, 0.0)
-            self.mass = channels("mass", mass, strict=True)
-            n = self.mass.size
-            self.f_c, self.d = channels("f_c", f_c, n), channels("d", d, n)
-            self.gravity = channels("gravity", gravity, n, minimum=-np.inf)
-            if T is float and (self.d * self.period > LARGEST_DAMPING * self.mass).any():
-                valid = f"at most {LARGEST_DAMPING} mass/period"
-                raise InputError(f"d = {self.d.tolist()} N s/m; it must be {valid}")
-            tickets = set()
-            self._parameters = []
-            for values in (self.mass, self.f_c, self.d, self.gravity):
-                index, ticket = declare_parameter(self, T, values)
-                self._parameters.append(index)
-                tickets.add(ticket)
-            self._f = self.DeclareVectorInputPort("f", n)
-            state = self.DeclareDiscreteState(2 * n)
-            self.DeclarePeriodicDiscreteUpdateEvent(self.period, 0.0, self._update)
-            moving = {self.discrete_state_ticket(state)}
-            self.DeclareVectorOutputPort("x", n, self._calc_x, moving)
-            self.DeclareVectorOutputPort("v", n, self._calc_v, moving)
-            self.DeclareVectorOutputPort("a", n, self._calc_a, moving | tickets | {self._f.ticket()})
+    def _step(self, x_and_v: Array, f: Array, mass: Array, f_c: Array, d: Array, gravity: Array) -> Array:
+        x, v = np.split(x_and_v, 2)
+        after = []
+        for i in range(len(x)):
+            moving = (x[i], v[i], f[i] + mass[i] * gravity[i], mass[i])
+            if self.friction == "none":
+                after.append(held_step(*moving, self.period))
+            else:
+                law = signum_step if self.friction == "signum" else stick_slip_step
+                after.append(law(*moving, f_c[i], d[i], self.period))
+        return np.array(after).T.ravel()
 
-        def _construct_copy(self, other: Any, converter: Any = None) -> None:
-            Impl._construct(
-                self, other.mass, other.period, other.friction, other.f_c, other.d, other.gravity, converter=converter
-            )
-
-        def set_initial_state(self, context: ScalarContext, x: ArrayLike, v: ArrayLike = 0.0) -> None:
-            """Sets x [m] and v [m/s], shapes (n,) or one number for all channels, in ``context``."""
-            n = self.mass.size
-            both = [channels(name, value, n, minimum=-np.inf) for name, value in (("x", x), ("v", v))]
-            context.SetDiscreteState(np.concatenate(both))
-
-        def set_mass(self, context: ScalarContext, mass: ArrayLike) -> None:
-            """Sets the mass [kg] in ``context``."""
-            write_parameter(context, self._parameters[0], channels("mass", mass, self.mass.size, strict=True))
-
-        def _state(self, context: ScalarContext) -> tuple[Any, Any]:
-            n = self.mass.size
-            state = context.get_discrete_state_vector().CopyToVector()
-            return state[:n], state[n:]
-
-        def _step(self, context: ScalarContext) -> tuple[list[Any], list[Any]]:
-            mass, f_c, d, gravity = (context.get_numeric_parameter(i).CopyToVector() for i in self._parameters)
-            x, v = self._state(context)
-            f = self._f.Eval(context)
-            after = []
-            for i in range(len(x)):
-                arguments = (x[i], v[i], f[i] + mass[i] * gravity[i], mass[i])
-                if self.friction == "none":
-                    after.append(held_step(*arguments, self.period))
-                else:
-                    law = signum_step if self.friction == "signum" else stick_slip_step
-                    after.append(law(*arguments, f_c[i], d[i], self.period))
-            return [x for x, _ in after], [v for _, v in after]
-
-        def _update(self, context: ScalarContext, discrete_values: ScalarDiscreteValues) -> None:
-            x, v = self._step(context)
-            discrete_values.set_value(np.array([*x, *v]))
-
-        def _calc_x(self, context: ScalarContext, output: ScalarVector) -> None:
-            output.set_value(self._state(context)[0])
-
-        def _calc_v(self, context: ScalarContext, output: ScalarVector) -> None:
-            output.set_value(self._state(context)[1])
-
-        def _calc_a(self, context: ScalarContext, output: ScalarVector) -> None:
-            output.set_value((np.array(self._step(context)[1]) - self._state(context)[1]) / self.period)
-
-    return Impl
-
-
-OneDofPlant = OneDofPlant_[None]
+    def _acceleration(self, x_and_v: Array, f: Array, mass: Array, f_c: Array, d: Array, gravity: Array) -> Array:
+        n = len(f)
+        after = self._step(x_and_v, f, mass, f_c, d, gravity)
+        mean: Array = (after[n:] - x_and_v[n:]) / self.period
+        return mean

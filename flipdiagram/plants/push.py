@@ -11,7 +11,10 @@ from pydrake.systems.framework import Context, LeafSystem
 
 
 class Push(LeafSystem):
-    """Force (f_y, f_z) [N] on a body at a point of it p (3,) [m], from `begin` for `duration` [s]; output `force`."""
+    """Force (f_y, f_z) [N] on a body at a point of it p (3,) [m], from `begin` for `duration` [s]; output `force`.
+
+    Not scalar-convertible: it writes forces for a plant over float.
+    """
 
     def __init__(
         self, body: RigidBody, point: np.ndarray, force: tuple[float, float], begin: float, duration: float

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Sequence
 
@@ -13,7 +14,7 @@ from flipdiagram.errors import SimulationError
 from flipdiagram.planning import plan_motion
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.metrics import judge
-from flipdiagram.simulation.simulate import simulate
+from flipdiagram.simulation.simulate import simulate_loop
 
 SPEED = 0.5
 """Simulated seconds per second of wall time; the simulation itself runs at about twice real time."""
@@ -31,8 +32,14 @@ def show_live(
 ) -> None:
     """Simulate the architectures one after the other while a browser watches; then serve until `wait` returns.
 
-    port: of the server on this machine, by default the first free one from 7000.  announce: told the address and each
-    verdict.  wait: by default until Ctrl-C.  Raises SimulationError where the port is taken.
+    Args:
+        scenario: what is simulated.
+        architectures: in this order.
+        port: of the server on this machine, by default the first free one from 7000.
+        announce: told the address and each verdict.
+        wait: by default until Ctrl-C.
+
+    Raises SimulationError where the port is taken.
     """
     try:
         meshcat = Meshcat(MeshcatParams(host="localhost", port=port, show_stats_plot=False))
@@ -46,11 +53,11 @@ def show_live(
     for name in architectures:
         loop = build_loop(scenario, name, record=True, meshcat=meshcat)
         pace = _Pace(scenario.simulation.hold_time - HOLD_SHOWN)
-        flip = simulate(scenario, name, plan, loop=loop, pace=pace)
+        flip = simulate_loop(loop, plan, pace=pace)
         success, failure = judge(flip.recording)
         announce(f"{name}: {'turned over' if success else failure}")
     announce("all done; Ctrl-C ends the server")
-    (wait or _forever)()
+    (wait or threading.Event().wait)()
 
 
 class _Pace:
@@ -74,8 +81,3 @@ def _mark(meshcat: Meshcat, scenario: Scenario) -> None:
     meshcat.SetObject("target", Sphere(0.006), Rgba(0.0, 0.62, 0.45, 1.0))
     meshcat.SetTransform("target", RigidTransform([task.start_x, task.target_y, table.height]))
     meshcat.SetCameraPose([task.start_x + 0.8, 0.25, 0.5], [task.start_x, 0.0, 0.3])
-
-
-def _forever() -> None:
-    while True:
-        time.sleep(3600.0)

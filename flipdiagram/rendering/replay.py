@@ -19,11 +19,11 @@ from matplotlib.colors import to_rgb
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.geometry import Cylinder, Meshcat, MeshcatAnimation, MeshcatCone, MeshcatParams, Rgba, Role
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.tree import BodyIndex
 
 from flipdiagram.arrays import Array
 from flipdiagram.errors import SimulationError
-from flipdiagram.figures.motion import NAMES, dropped_at, style_of
+from flipdiagram.figures.motion import dropped_at
+from flipdiagram.figures.style import NAMES, style_of
 from flipdiagram.files import write_atomically
 from flipdiagram.rendering.scene import Scene, build_scene
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
@@ -47,9 +47,13 @@ Verdicts = Mapping[str, tuple[bool, str]]
 def write_replay(
     recordings: Mapping[str, xr.Dataset], scenario: Scenario, path: str | Path, verdicts: Verdicts | None = None
 ) -> Path:
-    """Write the replay of the recordings (architecture -> recording) to `path`; returns it.
+    """Write the replay as one HTML page; returns its path.
 
-    verdicts: (success, text) by architecture, where it is not the flip that is judged.
+    Args:
+        recordings: by architecture.
+        scenario: what was simulated.
+        path: of the file.
+        verdicts: (success, text) by architecture, where it is not the flip that is judged.
 
     Raises InputError where the file cannot be written, SimulationError where Meshcat finds no free port.
     """
@@ -74,7 +78,7 @@ def replay_html(recordings: Mapping[str, xr.Dataset], scenario: Scenario, verdic
     cells = []
     for k, name in enumerate(names):
         root, offset = f"/cells/{name}", SPACING * (k - (len(names) - 1) / 2)
-        meshcat.SetTransform(root, _shift(0.0, offset, 0.0))
+        meshcat.SetTransform(root, RigidTransform([0.0, offset, 0.0]))
         _add_shapes(meshcat, scene, root)
         _add_paths(meshcat, scenario, root, name, shown[name])
         _animate_bodies(meshcat, animation, scene, root, frames[name], last)
@@ -115,9 +119,8 @@ def _describe(
 
 def _add_shapes(meshcat: Meshcat, scene: Scene, root: str) -> None:
     inspector = scene.scene_graph.model_inspector()
-    for index in scene.plant.GetBodyIndices(scene.parts.arm.arm) + _others(scene):
-        body = scene.plant.get_body(index)
-        frame = scene.plant.GetBodyFrameIdOrThrow(index)
+    for body in scene.bodies():
+        frame = scene.plant.GetBodyFrameIdOrThrow(body.index())
         for geometry in inspector.GetGeometries(frame, Role.kIllustration):
             path = f"{root}/{body.name()}/{inspector.GetName(geometry).rpartition('::')[2]}"
             properties = inspector.GetIllustrationProperties(geometry)
@@ -126,17 +129,11 @@ def _add_shapes(meshcat: Meshcat, scene: Scene, root: str) -> None:
             meshcat.SetTransform(path, inspector.GetPoseInFrame(geometry))
 
 
-def _others(scene: Scene) -> list[BodyIndex]:
-    parts = scene.parts
-    return [parts.arm.spatula_body.index(), parts.block.index(), parts.table.index()]
-
-
 def _animate_bodies(
     meshcat: Meshcat, animation: MeshcatAnimation, scene: Scene, root: str, frames: xr.Dataset, last: int
 ) -> None:
-    plant, context = scene.plant, scene.context()
-    mine = plant.GetMyContextFromRoot(context)
-    bodies = [plant.get_body(i) for i in scene.plant.GetBodyIndices(scene.parts.arm.arm) + _others(scene)]
+    context, bodies = scene.context(), scene.bodies()
+    mine = scene.plant.GetMyContextFromRoot(context)
     poses: list[list[RigidTransform]] = []
     for q, block in zip(frames["q"].values, frames["block_pose"].values, strict=True):
         scene.pose(context, q, block)
@@ -171,17 +168,16 @@ def _add_paths(meshcat: Meshcat, scenario: Scenario, root: str, name: str, recor
         ("real", moving["x"].values[:, :2], 4.0, Rgba(red, green, blue, 1.0)),
         ("object", moving["block_pose"].values[:, 5:7], 2.0, Rgba(0.85, 0.85, 0.85, 1.0)),
     ):
-        vertices: Any = np.asfortranarray(np.column_stack([plane, data])[::4].T)
-        meshcat.SetLine(f"{root}/path_{label}", vertices, width, colour)
+        meshcat.SetLine(f"{root}/path_{label}", np.column_stack([plane, data])[::4].T, width, colour)
 
 
 def _animate_force(meshcat: Meshcat, animation: MeshcatAnimation, root: str, frames: xr.Dataset, last: int) -> None:
     """An arrow at the block: the force of the blade on it [N], in world axes."""
     path, colour = f"{root}/force", Rgba(0.8, 0.47, 0.65, 1.0)
     meshcat.SetObject(f"{path}/shaft/rod", Cylinder(0.003, 1.0), colour)
-    meshcat.SetTransform(f"{path}/shaft/rod", _shift(0.0, 0.0, 0.5))
+    meshcat.SetTransform(f"{path}/shaft/rod", RigidTransform([0.0, 0.0, 0.5]))
     meshcat.SetObject(f"{path}/head/cone", MeshcatCone(0.02, 0.008, 0.008), colour)
-    meshcat.SetTransform(f"{path}/head/cone", RigidTransform(RotationMatrix.MakeXRotation(np.pi), _vector(0, 0, 0.02)))
+    meshcat.SetTransform(f"{path}/head/cone", RigidTransform(RotationMatrix.MakeXRotation(np.pi), [0, 0, 0.02]))
     force = frames["contact_force"].sel(pair="blade-block").values
     points = frames["block_pose"].values[:, 4:]
     length = np.clip(np.linalg.norm(force, axis=1) * METRES_PER_NEWTON, 0.0, 0.4)
@@ -213,10 +209,9 @@ def _with_overlay(html: str, cells: list[dict[str, Any]], scenario: Scenario) ->
 def _turn_z_to(direction: Array) -> RotationMatrix:
     """The smallest turn that takes z to the direction; it changes steadily with it."""
     unit = direction / np.linalg.norm(direction)
-    axis: Any = np.array([-unit[1], unit[0], 0.0])
+    axis = np.array([-unit[1], unit[0], 0.0])
     sine = float(np.linalg.norm(axis))
-    axis = axis / sine if sine > 1e-9 else _vector(1, 0, 0)
-    return RotationMatrix(AngleAxis(float(np.arctan2(sine, unit[2])), axis))
+    return RotationMatrix(AngleAxis(np.arctan2(sine, unit[2]), axis / sine if sine > 1e-9 else [1.0, 0.0, 0.0]))
 
 
 def _quiet_meshcat() -> Meshcat:
@@ -230,11 +225,3 @@ def _quiet_meshcat() -> Meshcat:
         raise SimulationError(f"Meshcat, which writes the replay, does not start: {error}") from None
     finally:
         log.setLevel(level)
-
-
-def _vector(x: float, y: float, z: float) -> Any:
-    return np.array([x, y, z], dtype=float)
-
-
-def _shift(x: float, y: float, z: float) -> RigidTransform:
-    return RigidTransform(_vector(x, y, z))

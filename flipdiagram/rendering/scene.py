@@ -8,7 +8,6 @@ be told from one that was not turned. Frames as in a recording: world = base of 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +15,7 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.geometry import Box, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from flipdiagram.robot.parts import Parts, add_parts
@@ -32,6 +32,11 @@ class Scene:
     plant: MultibodyPlant
     scene_graph: SceneGraph
     parts: Parts
+
+    def bodies(self) -> list[RigidBody]:
+        """What is seen and may move: the links of the arm, spatula, block and table."""
+        links = [self.plant.get_body(i) for i in self.plant.GetBodyIndices(self.parts.arm.arm)]
+        return [*links, self.parts.arm.spatula_body, self.parts.block, self.parts.table]
 
     def context(self) -> Context:
         """A new context of the whole diagram."""
@@ -55,11 +60,10 @@ def build_scene(scenario: Scenario) -> Scene:
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.001)
     parts = add_parts(plant, scenario)
-    thing = scenario.object
-    size = (thing.width, thing.length, thing.thickness)
+    size = scenario.object.size
     # 0.2 mm larger than the block, or both surfaces would flicker
     upper = Box(size[0] + 2e-4, size[1] + 2e-4, size[2] / 2)
-    above: Any = np.array([0.0, 0.0, size[2] / 4 + 1e-4])
-    plant.RegisterVisualGeometry(parts.block, RigidTransform(above), upper, "upper_half", TOP_COLOUR)
+    above = RigidTransform([0.0, 0.0, size[2] / 4 + 1e-4])
+    plant.RegisterVisualGeometry(parts.block, above, upper, "upper_half", TOP_COLOUR)
     plant.Finalize()
     return Scene(builder.Build(), plant, scene_graph, parts)

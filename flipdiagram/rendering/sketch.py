@@ -16,6 +16,7 @@ from scipy.spatial import ConvexHull
 
 from flipdiagram.arrays import Array
 from flipdiagram.rendering.scene import TOP_COLOUR, build_scene, transform
+from flipdiagram.robot.model_files import table_size
 from flipdiagram.scenario.scenario import Scenario
 
 Projection = Callable[[Array], Array]
@@ -24,9 +25,15 @@ BACKGROUND, TABLE, ARM, BLADE, RUBBER = "#d6e0eb", "#a9a08c", "#5b6b7d", "#39424
 
 
 def draw_cell(scenario: Scenario, project: Projection, size: int, q: Array, tool: Array, block: Array) -> Array:
-    """Pictures (n, size, size, 3) of uint8 of n instants: joints q (n, 6), poses of tool and block (n, 7).
+    """Pictures (n, size, size, 3) of uint8 of n instants.
 
-    project takes points (..., 3) of the world to pixels (..., 2): column, row.
+    Args:
+        scenario: what was simulated.
+        project: takes points (..., 3) of the world to pixels (..., 2): column, row.
+        size: pixels a side.
+        q: joint angles (n, 6) [rad].
+        tool: poses (n, 7).
+        block: poses (n, 7).
     """
     scene = build_scene(scenario)
     context = scene.context()
@@ -49,18 +56,18 @@ def _draw(
     canvas = FigureCanvasAgg(figure)
     ax = figure.add_axes((0, 0, 1, 1), xlim=(-0.5, pixels - 0.5), ylim=(pixels - 0.5, -0.5))
     ax.set_axis_off()
-    tool, thing, task = scenario.tool, scenario.object, scenario.task
-    top = RigidTransform(np.array([task.start_x, task.target_y, scenario.table.height]))  # type: ignore[arg-type]
+    tool, task = scenario.tool, scenario.task
+    top = RigidTransform([task.start_x, task.target_y, scenario.table.height])
     arm = project(joints)
     ax.plot(*arm.T, color=ARM, linewidth=pixels / 24, solid_capstyle="round", solid_joinstyle="round")
     ax.plot(*arm.T, "o", color="white", markersize=pixels / 60)
-    _box(ax, project, top, (0.30, 0.80, 0.02), (0.0, 0.0, -0.01), TABLE)
-    blade = (tool.blade_length, tool.blade_width, tool.blade_thickness)
-    size = np.array([thing.width, thing.length, thing.thickness / 2])
+    plate = table_size()
+    _box(ax, project, top, plate, (0.0, 0.0, -plate[2] / 2), TABLE)
+    size = np.array(scenario.object.size) * [1.0, 1.0, 0.5]
     layers = [(-size[2] / 2, RUBBER), (size[2] / 2, tuple(TOP_COLOUR))]
     if (X_WB.rotation().matrix()[2, 2]) < 0:  # seen from above: what lies higher is painted last
         layers.reverse()
-    _box(ax, project, X_WT, blade, (0.0, 0.0, -tool.blade_thickness / 2), BLADE)
+    _box(ax, project, X_WT, tool.blade_size, (0.0, 0.0, -tool.blade_thickness / 2), BLADE)
     for height, colour in layers:
         _box(ax, project, X_WB, size, (0.0, 0.0, height), colour)
     canvas.draw()

@@ -14,7 +14,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,9 +39,9 @@ if TYPE_CHECKING:  # the child needs none of it
 
 RENDERER = "vtk"
 BACKGROUND = (0.84, 0.88, 0.92)
-LIGHT_FROM: Any = np.array([1.1, -0.5, 2.0])  # [m]
-LIGHT_ON: Any = np.array([0.4, 0.0, 0.3])  # [m]
-SKY: Any = np.array([1.0, 0.5, 1.8])  # [m]
+LIGHT_FROM = np.array([1.1, -0.5, 2.0])  # [m]
+LIGHT_ON = np.array([0.4, 0.0, 0.3])  # [m]
+SKY = np.array([1.0, 0.5, 1.8])  # [m]
 OVERSAMPLING = 2  # pictures are rendered this much larger and averaged down: smooth edges
 TIME_LIMIT = 60.0  # [s] for the child; it needs about one
 ADVICE = "apt install libegl1 libegl-mesa0 libgl1-mesa-dri (Debian, Ubuntu) gives real renderings"
@@ -106,10 +106,14 @@ def take_snapshots(
     size: int = 480,
     python: Sequence[str] = (sys.executable,),
 ) -> Snapshots:
-    """Pictures of the cell at `times` [s] (default `snapshot_times`), size x size pixels.
+    """Pictures of the cell; where there is no OpenGL they are drawn, and `note` says so.
 
-    Where there is no OpenGL they are drawn, and `note` says so. `python` starts the interpreter of the child
-    process that renders.
+    Args:
+        recording: of the motion.
+        scenario: what was simulated.
+        times: of the pictures [s], by default `snapshot_times`.
+        size: pixels a side.
+        python: starts the interpreter of the child process that renders.
     """
     wanted = snapshot_times(recording) if times is None else np.asarray(times, dtype=float)
     moments = recording.sel(time=wanted, method="nearest")
@@ -137,7 +141,7 @@ def frame_motion(tool: Array, block: Array, scenario: Scenario, size: int) -> Ca
 
 def add_renderer(scene: Scene) -> None:
     """Give the scene a VTK renderer named RENDERER; call before making contexts."""
-    aim: Any = (LIGHT_ON - LIGHT_FROM) / np.linalg.norm(LIGHT_ON - LIGHT_FROM)
+    aim = (LIGHT_ON - LIGHT_FROM) / np.linalg.norm(LIGHT_ON - LIGHT_FROM)
     sun, sky, eye = LIGHT_FROM, SKY, np.zeros(3)
     # point lights cast no shadows: they brighten those of the first
     lights = [

@@ -6,8 +6,9 @@ import re
 
 from flipdiagram.grid import Grid
 from flipdiagram.robot.model_files import urdf_directory
-from flipdiagram.scenario import text as scenario_io
 from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.scenario.text import fields_of, unit_of
+from flipdiagram.scenario.yaml_reader import show
 
 ORIGINS = {
     "p": "the paper",
@@ -24,21 +25,18 @@ NOT_ASSUMED = ("frequency",)
 def scenario_grid(scenario: Scenario) -> Grid:
     """A row for every field of the scenario: value, unit, meaning, origin."""
     rows = []
-    for path in scenario_io.field_paths(Scenario):
+    for path, field in fields_of(Scenario).items():
         section, name = path.split(".")
         if section in NOT_ASSUMED:
             continue
-        description = scenario_io.section_of(Scenario, section).model_fields[name].description or ""
-        text, _, unit = description.removesuffix("]").rpartition(" [")
-        if not text:
-            text, unit = description, ""
+        text, unit = field.description or "", unit_of(field)
         mark = re.search(r"\s*\(([pHMLo])(?::\s*([^)]*))?\)", text)
         value = getattr(getattr(scenario, section), name)
         origin = ORIGINS[mark[1]] + (f": {mark[2]}" if mark[2] else "") if mark else _unmarked(name, value)
         if value != (default := getattr(getattr(_DEFAULT, section), name)):
-            origin = f"set for this run; the default, {scenario_io.show(default)}, is of: {origin}"
+            origin = f"set for this run; the default, {show(default)}, is of: {origin}"
         plain = re.sub(r"\s*\([pHMLo](?::[^)]*)?\)", "", text)
-        rows.append([f"`{path}`", scenario_io.show(value), "" if unit == "1" else unit, plain, origin])
+        rows.append([f"`{path}`", show(value), "" if unit == "1" else unit, plain, origin])
     return Grid(["field", "value", "unit", "meaning", "origin"], rows)
 
 

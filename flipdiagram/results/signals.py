@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import difflib
 import itertools
-import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -15,8 +13,9 @@ import xarray as xr
 
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import InputError
-from flipdiagram.scenario import text as scenario_io
+from flipdiagram.scenario import text
 from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.scenario.yaml_reader import read_mapping
 
 NEEDED = ("x", "x_cmd", "v", "v_cmd", "a", "a_cmd", "q", "qd", "tau", "block_pose", "tool_pose", "contact_force")
 """What every recording holds; see `flipdiagram.simulation.recording`."""
@@ -50,8 +49,8 @@ class Component:
     def values(self, data: xr.Dataset) -> Floats:
         """The samples, shape (time,)."""
         others = [dim for dim in data[self.signal].dims if dim != "time"]
-        found = data[self.signal].isel(dict(zip(others, self.place, strict=True)))
-        return np.asarray(found.values, dtype=np.float64)
+        samples = data[self.signal].isel(dict(zip(others, self.place, strict=True)))
+        return np.asarray(samples.values, dtype=np.float64)
 
 
 def check_recording(data: xr.Dataset) -> xr.Dataset:
@@ -76,15 +75,15 @@ def components(data: xr.Dataset, signal: str | None = None) -> list[Component]:
     everything = [part for name in data.data_vars if "time" in data[name].dims for part in _split(data, str(name))]
     if signal is None:
         return everything
-    chosen = [part for part in everything if part.name == signal]
-    if not chosen:
+    named = [part for part in everything if part.name == signal]
+    if not named:
         names = list(dict.fromkeys(part.signal for part in everything))
         near = difflib.get_close_matches(signal, [*names, *(part.name for part in everything)], n=1)
         meant = f"did you mean '{near[0]}'? " if near else ""
         parts = [part.name for part in everything if part.signal != part.name]
         example = f", or one component such as '{parts[0]}'" if parts else ""
         raise InputError(f"unknown signal '{signal}'; {meant}valid are {', '.join(names)}{example}")
-    return chosen
+    return named
 
 
 def unit_of(name: str) -> str:
@@ -94,17 +93,13 @@ def unit_of(name: str) -> str:
 
 def pretty(unit: str) -> str:
     """A unit as figures write it: m/s2 becomes m/s²."""
-    return re.sub(r"(?<=[a-z])\^?2\b", "²", unit)
+    return unit.replace("2", "²")
 
 
 def field_unit(path: str) -> str:
-    """Unit of a scenario field, from its description; '' where the field has none or is unknown."""
-    section, _, name = path.partition(".")
-    if section not in Scenario.model_fields:
-        return ""
-    field = scenario_io.section_of(Scenario, section).model_fields.get(name)
-    match = re.search(r"\[([^]]+)\]$", (field.description or "") if field else "")
-    return match[1] if match else ""
+    """Unit of a scenario field; '' where the field has none or is unknown."""
+    field = text.fields_of(Scenario).get(path)
+    return text.unit_of(field) if field else ""
 
 
 def flat(nested: Mapping[str, Any]) -> dict[str, Any]:
@@ -119,23 +114,8 @@ def flat(nested: Mapping[str, Any]) -> dict[str, Any]:
 
 def scenario_fields(data: xr.Dataset) -> dict[str, Any] | None:
     """Scenario fields of a recording by path; None where it keeps none.  InputError where they are no YAML."""
-    text = data.attrs.get("scenario")
-    return flat(scenario_io.parse_mapping(str(text), "scenario of the recording")) if text else None
-
-
-def number(value: Any) -> str:
-    """A value of a result as short text."""
-    if value is None or (isinstance(value, float) and math.isnan(value)):
-        return "–"
-    if isinstance(value, bool | np.bool_):
-        return "yes" if value else "no"
-    if isinstance(value, float | np.floating):
-        return f"{value:.4g}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(number, value)) + "]"
-    if isinstance(value, Mapping):
-        return ", ".join(f"{key} {number(item)}" for key, item in value.items())
-    return str(value)
+    yaml = data.attrs.get("scenario")
+    return flat(read_mapping(str(yaml), "scenario of the recording")[0]) if yaml else None
 
 
 def _split(data: xr.Dataset, signal: str) -> list[Component]:
@@ -148,9 +128,9 @@ def _split(data: xr.Dataset, signal: str) -> list[Component]:
     units = str(variable.attrs.get("units", "1"))
     parts = units.split(", ")
     each = others and len(parts) == data.sizes[others[-1]]
-    found = []
+    components = []
     for place in itertools.product(*(range(data.sizes[dim]) for dim in others)):
         names = tuple(labels[k][index] for k, index in enumerate(place))
         unit = parts[place[-1]] if each else units
-        found.append(Component("_".join([signal, *names]), signal, names, place, unit))
-    return found
+        components.append(Component("_".join([signal, *names]), signal, names, place, unit))
+    return components

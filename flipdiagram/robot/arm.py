@@ -19,18 +19,15 @@ from numpy.typing import ArrayLike
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces_, SpatialInertia, UnitInertia
+from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces_
 from pydrake.symbolic import Expression
 
 from flipdiagram.arrays import Array
 from flipdiagram.errors import InputError
 from flipdiagram.robot import inverse_kinematics, task_space
-from flipdiagram.robot import model_files as assets
-from flipdiagram.robot.assembly import REFLECTED_INERTIA_SCALE, ArmHandles, add_arm
-from flipdiagram.robot.own_files import ArmFile
-from flipdiagram.robot.task_space import AXES, UNITS
-
-__all__ = ["AXES", "UNITS", "ArmHandles", "ArmModel", "add_arm"]
+from flipdiagram.robot.arm_spec import ArmSpec
+from flipdiagram.robot.assembly import add_arm
+from flipdiagram.robot.task_space import AXES
 
 
 class ArmModel:
@@ -43,64 +40,22 @@ class ArmModel:
     [rad]; qd_max [rad/s]; tau_max, tau_rated [N m]; each of shape (n_joints,), read from the URDF and scaled.
     """
 
-    def __init__(
-        self,
-        tool_height: float = 0.005,
-        *,
-        link_inertia_scale: float = 1.0,
-        reflected_inertia_scale: float = REFLECTED_INERTIA_SCALE,
-        speed_scale: float = 1.0,
-        torque_scale: float = 1.0,
-        link_inertia_scales: Sequence[float] | None = None,
-        reflected_inertia_scales: Sequence[float] | None = None,
-        payload_mass: float = 0.0,
-        payload_inertia: float = 0.0,
-        arm: ArmFile | str | None = None,
-        spatula: str | None = None,
-        base_pose: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
-    ) -> None:
-        """As `add_arm`; payload_mass [kg] rides at C, with payload_inertia [kg m^2] about x.
-
-        The inertia about y and z is set to the same: the task turns about x. Raises InputError for a bad
-        number.
-        """
+    def __init__(self, spec: ArmSpec | None = None) -> None:
+        """The arm of a spec, by default mh3f.urdf with spatula.urdf."""
         plant = MultibodyPlant(0.0)
-        self.handles = add_arm(
-            plant,
-            tool_height=tool_height,
-            link_inertia_scale=link_inertia_scale,
-            reflected_inertia_scale=reflected_inertia_scale,
-            speed_scale=speed_scale,
-            torque_scale=torque_scale,
-            link_inertia_scales=link_inertia_scales,
-            reflected_inertia_scales=reflected_inertia_scales,
-            arm=arm,
-            spatula=spatula,
-            base_pose=base_pose,
-        )
-        mass = assets.check_not_negative("payload_mass", payload_mass)
-        inertia = assets.check_not_negative("payload_inertia", payload_inertia)
-        if inertia > 0 and mass == 0:
-            raise InputError(f"payload_inertia = {inertia} needs a payload_mass above 0, which is {mass}")
-        if mass > 0:
-            centre: Any = np.zeros(3)
-            gyration = inertia / mass
-            M_C = SpatialInertia(mass, centre, UnitInertia(gyration, gyration, gyration))
-            body = plant.AddRigidBody("payload", self.handles.spatula, M_C)
-            plant.WeldFrames(self.handles.control_point, body.body_frame())
+        handles = self.handles = add_arm(plant, spec or ArmSpec())
         plant.Finalize()
-        handles = self.handles
         by_name = {name: plant.GetJointByName(name, handles.arm) for name in handles.rated_torques}
         self.joint_names = tuple(sorted(by_name, key=lambda name: by_name[name].velocity_start()))
         self.n_joints = plant.num_velocities()
+        if self.n_joints < len(AXES):
+            raise InputError(f"the arm has {self.n_joints} moving joints; valid are at least {len(AXES)}")
         # a joint that turns without end may turn once either way
         self.q_min = np.maximum(np.array(plant.GetPositionLowerLimits(), dtype=float), -2 * np.pi)
         self.q_max = np.minimum(np.array(plant.GetPositionUpperLimits(), dtype=float), 2 * np.pi)
         self.qd_max = np.array(plant.GetVelocityUpperLimits(), dtype=float)
         self.tau_max = np.array(plant.GetEffortUpperLimits(), dtype=float)
         self.tau_rated = np.array([handles.rated_torques[name] for name in self.joint_names])
-        if self.n_joints < len(AXES):
-            raise InputError(f"the arm has {self.n_joints} moving joints; valid are at least {len(AXES)}")
         self._bind(plant, float)
         self.knows_home = handles.home is not None
         home = handles.home or dict(zip(self.joint_names, (self.q_min + self.q_max) / 2, strict=True))
@@ -136,16 +91,14 @@ class ArmModel:
     def task_position(self, q: ArrayLike) -> Array:
         """Task coordinates x (6,) [m, rad] of joint angles q (n,) [rad]."""
         self.plant.SetPositions(self._context, self._joints("q", q))
-        X_WC = self._control_point.CalcPoseInWorld(self._context)
-        return task_space.coordinates(X_WC.rotation().matrix(), X_WC.translation())
+        return self._pose()[0]
 
     def task_position_velocity(self, q: ArrayLike, qd: ArrayLike) -> tuple[Array, Array]:
         """x and v (6,) [m, rad; per second] of joint angles q [rad] and speeds qd [rad/s], both (n,)."""
         self._set_state(q, qd)
-        X_WC = self._control_point.CalcPoseInWorld(self._context)
-        R = X_WC.rotation().matrix()
+        x, R = self._pose()
         V_WC = self._control_point.CalcSpatialVelocityInWorld(self._context).get_coeffs()
-        return task_space.coordinates(R, X_WC.translation()), task_space.product(task_space.rate_map(R), V_WC)
+        return x, task_space.product(task_space.rate_map(R), V_WC)
 
     def task_kinematics(self, q: ArrayLike, qd: ArrayLike) -> tuple[Array, Array, Array, Array]:
         """x (6,), v (6,), J (6, n), bias (6,) with v = J qd, a = J qdd + bias; q, qd (n,) [rad, rad/s].
@@ -159,20 +112,22 @@ class ArmModel:
         )
         v = task_space.product(J, qd)
         bias = task_space.product(N, A_bias.get_coeffs())
-        theta, pitch, yaw = task_space.rate_bias(R, v)
-        bias[2] += theta
-        bias[4] += pitch
-        bias[5] += yaw
+        for axis, rate_bias in zip((2, 4, 5), task_space.rate_bias(R, v), strict=True):
+            bias[axis] += rate_bias
         return x, v, J, bias
 
-    def _pose_and_jacobian(self) -> tuple[Array, Array, Array, Array]:
+    def _pose(self) -> tuple[Array, Array]:
         X_WC = self._control_point.CalcPoseInWorld(self._context)
         R = X_WC.rotation().matrix()
+        return task_space.coordinates(R, X_WC.translation()), R
+
+    def _pose_and_jacobian(self) -> tuple[Array, Array, Array, Array]:
+        x, R = self._pose()
         N = task_space.rate_map(R)
         J_V = self.plant.CalcJacobianSpatialVelocity(
             self._context, JacobianWrtVariable.kV, self._control_point, self._zero3, self._world, self._world
         )
-        return task_space.coordinates(R, X_WC.translation()), R, N, task_space.product(N, J_V)
+        return x, R, N, task_space.product(N, J_V)
 
     # Dynamics: M(q) qdd + C(q, qd) qd + gravity_torque(q) = tau; reflected inertia in M, no joint friction
 
@@ -199,10 +154,15 @@ class ArmModel:
     ) -> Array:
         """Joint angles q (n,) [rad] of the task pose x_task (6,), on the branch of the seed, error below tol.
 
-        The search starts from q_seed (default `home`), then from `home`, each time first directly, then along the
-        straight line in task space; an arm that knows no home is searched over all its joint space instead, for
-        angles from which the poses `through`, each (6,), can be reached too. Raises PlanningError naming the pose,
-        and the joint and its limit where one stands in the way.
+        Each search goes first directly, then along the straight line in task space.  Raises PlanningError naming the
+        pose, and the joint and its limit where one stands in the way.
+
+        Args:
+            x_task: the pose (6,) [m, rad].
+            q_seed: where the search starts (n,) [rad], before `home`; an arm that knows no home is searched over all
+                its joint space where no seed is given.
+            tol: largest error of a coordinate [m, rad].
+            through: further poses, each (6,), that such a search must be able to reach from there.
         """
         target = self._task("x_task", x_task, 1)
         seed = self.home if q_seed is None else self._joints("q_seed", q_seed)
@@ -216,7 +176,8 @@ class ArmModel:
         """Joint angles (N, n) [rad] along the task poses xs (N, 6), each sample continuing the one before.
 
         Raises PlanningError naming sample and pose where the path is lost (a singular pose, out of reach,
-        samples too far apart) or, with check_limits, where it leaves the joint limits.
+        samples too far apart) or, with check_limits, where it leaves the joint limits.  q_seed and tol as in
+        `inverse_kinematics`.
         """
         targets = self._task("xs", xs, 2)
         first = self.inverse_kinematics(targets[0], q_seed, tol)
@@ -239,16 +200,16 @@ class ArmModel:
     def _joints(self, name: str, value: ArrayLike) -> Array:
         vector = np.asarray(value)
         if vector.shape != (self.n_joints,):
-            raise InputError(
-                f"{name} has shape {vector.shape}; valid is ({self.n_joints},): {' '.join(self.joint_names)}"
-            )
+            valid = f"({self.n_joints},): {' '.join(self.joint_names)}"
+            raise InputError(f"{name} has shape {vector.shape}; valid is {valid}", field=name, value=value, valid=valid)
         return vector
 
     def _task(self, name: str, value: ArrayLike, dimensions: int) -> Array:
         poses = np.array(value, dtype=float)
         if poses.ndim != dimensions or poses.shape[-1] != len(AXES) or not len(poses):
-            shape = "(6,)" if dimensions == 1 else "(N, 6)"
-            raise InputError(f"{name} has shape {poses.shape}; valid is {shape}, {', '.join(AXES)}")
+            valid = f"{'(6,)' if dimensions == 1 else '(N, 6)'}, {', '.join(AXES)}"
+            raise InputError(f"{name} has shape {poses.shape}; valid is {valid}", field=name, value=value, valid=valid)
         if not np.isfinite(poses).all():
-            raise InputError(f"{name} has entries that are not finite; valid are numbers in m and rad")
+            message = f"{name} has entries that are not finite; valid are numbers in m and rad"
+            raise InputError(message, field=name, value=value, valid="numbers in m and rad")
         return poses

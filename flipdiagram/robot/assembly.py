@@ -1,8 +1,7 @@
 """Arm and spatula put into a MultibodyPlant: the one place where the cell and `ArmModel` get them from."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
@@ -19,15 +18,12 @@ from pydrake.multibody.tree import (
 )
 
 from flipdiagram.errors import InputError
-from flipdiagram.robot import model_files as assets
-from flipdiagram.robot import own_files as arm_files
-from flipdiagram.robot.own_files import ArmFile
-
-# Harmonic drives on top of the rotors: their share is unknown, doubling is our estimate [L].
-REFLECTED_INERTIA_SCALE = 2.0
+from flipdiagram.robot.arm_spec import ArmFile, ArmSpec
+from flipdiagram.robot.model_files import arm_urdf, model_path
+from flipdiagram.robot.own_files import JointNumbers, joint_numbers
 
 # Flange: z out of it, x up. Spatula: x out, z up. So x_S = z_F, y_S = -y_F, z_S = x_F; columns are S in F.
-R_FLANGE_SPATULA: Any = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
+R_FLANGE_SPATULA = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
 
 
 @dataclass(frozen=True)
@@ -44,116 +40,81 @@ class ArmHandles:
     home: dict[str, float] | None  # [rad] by joint name: near the start pose; None where nobody says
 
 
-def add_arm(
-    plant: MultibodyPlant,
-    *,
-    tool_height: float = 0.005,
-    link_inertia_scale: float = 1.0,
-    reflected_inertia_scale: float = REFLECTED_INERTIA_SCALE,
-    speed_scale: float = 1.0,
-    torque_scale: float = 1.0,
-    link_inertia_scales: Sequence[float] | None = None,
-    reflected_inertia_scales: Sequence[float] | None = None,
-    arm: ArmFile | str | None = None,
-    spatula: str | None = None,
-    base_pose: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
-) -> ArmHandles:
+def add_arm(plant: MultibodyPlant, spec: ArmSpec) -> ArmHandles:
     """Add arm and spatula to a plant that is not finalized: base welded to the world, spatula to the flange.
 
-    tool_height: C above the blade's top surface [m]; the scales are factors on the numbers of mh3f.urdf
-    (`assets.arm_urdf`); arm: a file of the user's own (None: mh3f.urdf); spatula: URDF or SDF text with a body and a
-    frame "tool" (`assets.spatula_urdf(...)`, default numbers if None); base_pose: x, y, z [m] and yaw [rad] of
-    the base.  Raises InputError for a bad number and for a file that lacks something.
+    Raises InputError for a file that lacks something.
     """
-    own = ArmFile(arm) if isinstance(arm, str) else arm
-    offset: Any = np.array([0.0, 0.0, assets.check_not_negative("tool_height", tool_height)])
-    scales: dict[str, Any] = {
-        "link_inertia_scale": link_inertia_scale,
-        "reflected_inertia_scale": reflected_inertia_scale,
-        "speed_scale": speed_scale,
-        "torque_scale": torque_scale,
-        "link_inertia_scales": link_inertia_scales,
-        "reflected_inertia_scales": reflected_inertia_scales,
-    }
+    own, R_FS = spec.own, RotationMatrix(R_FLANGE_SPATULA)
     if own is None:
-        instance, rated, home, _ = _add_urdf(plant, None, scales)
+        instance, numbers = _add_urdf(plant, spec)
         base, flange = (plant.GetFrameByName(name, instance) for name in ("base", "flange"))
-        R_FS = RotationMatrix(R_FLANGE_SPATULA)
     else:
-        own.check()
-        instance, rated, home, _ = _add_own(plant, own, scales)
+        instance, numbers = _add_own(plant, spec, own)
         base, flange = (plant.GetFrameByName(name, instance) for name in (own.base, own.flange))
-        R_FS = RotationMatrix.MakeZRotation(own.mount_angle) @ RotationMatrix(R_FLANGE_SPATULA)
-    x, y, z, yaw = base_pose
-    X_WB = RigidTransform(RollPitchYaw(0.0, 0.0, yaw), [x, y, z]) if any(base_pose) else RigidTransform()
+        R_FS = RotationMatrix.MakeZRotation(own.mount_angle) @ R_FS
+    x, y, z, yaw = spec.base_pose
+    X_WB = RigidTransform(RollPitchYaw(0.0, 0.0, yaw), [x, y, z]) if any(spec.base_pose) else RigidTransform()
     plant.WeldFrames(plant.world_frame(), base, X_WB)
 
-    tool_model, body, tool = _add_spatula(plant, spatula or assets.spatula_urdf())
+    spatula_text = spec.spatula or model_path("spatula.urdf").read_text(encoding="utf-8")
+    tool_model, body, tool = _add_spatula(plant, spatula_text)
     plant.WeldFrames(flange, body.body_frame(), RigidTransform(R_FS, np.zeros(3)))
-    C_in_T = FixedOffsetFrame("control_point", tool, RigidTransform(offset), tool_model)
+    X_TC = RigidTransform([0.0, 0.0, spec.tool_height])
     return ArmHandles(
         arm=instance,
         spatula=tool_model,
         spatula_body=body,
         tool=tool,
-        control_point=plant.AddFrame(C_in_T),
+        control_point=plant.AddFrame(FixedOffsetFrame("control_point", tool, X_TC, tool_model)),
         flange=flange,
-        rated_torques=rated,
-        home=home,
+        rated_torques=numbers.rated_torque,
+        home=numbers.home,
     )
 
 
-Added = tuple[ModelInstanceIndex, dict[str, float], dict[str, float] | None, dict[str, float]]
-"""The model, rated torques [N m], home [rad] and peak torques [N m] by joint name, as far as the file tells."""
-
-
-def _add_urdf(plant: MultibodyPlant, own: ArmFile | None, scales: dict[str, Any]) -> Added:
-    text = assets.arm_urdf(own, **scales)
+def _add_urdf(plant: MultibodyPlant, spec: ArmSpec) -> tuple[ModelInstanceIndex, JointNumbers]:
+    """The arm from its scaled URDF, and what that says of the moving joints."""
+    text = arm_urdf(spec)
     try:
         (instance,) = Parser(plant).AddModelsFromString(text, "urdf")
     except RuntimeError as error:
-        raise InputError(f"arm.file = '{own.path if own else 'mh3f.urdf'}' cannot be read: {error}") from None
-    names = [joint.name() for joint in _moving(plant, instance)]
-    rated, home = arm_files.rated_torques(text), arm_files.home_angles(text)
-    stated = {name: rated.get(name, np.inf) for name in names}
-    return instance, stated, home and {name: home[name] for name in names}, arm_files.peak_torques(text)
+        raise InputError(f"arm.file = '{spec.own.path if spec.own else 'mh3f.urdf'}' cannot be read: {error}") from None
+    numbers, names = joint_numbers(text), [joint.name() for joint in _moving(plant, instance)]
+    rated = {name: numbers.rated_torque.get(name, np.inf) for name in names}
+    return instance, replace(numbers, rated_torque=rated, home=numbers.home and {n: numbers.home[n] for n in names})
 
 
-def _add_own(plant: MultibodyPlant, own: ArmFile, scales: dict[str, Any]) -> Added:
+def _add_own(plant: MultibodyPlant, spec: ArmSpec, own: ArmFile) -> tuple[ModelInstanceIndex, JointNumbers]:
     """An arm of the user's own: its file, then what the scenario says instead of the file."""
-    rated: dict[str, float] = {}
-    peak: dict[str, float] = {}
-    home: dict[str, float] | None = None
     if own.is_urdf:
-        instance, rated, home, peak = _add_urdf(plant, own, scales)
-        scales = {}  # they are in the text
+        instance, numbers = _add_urdf(plant, spec)
+        # the scales are in the text
+        spec = ArmSpec(own=own, reflected_inertia_scale=1.0)
     else:
-        if any(scales[name] != 1.0 for name in ("link_inertia_scale",)) or scales["link_inertia_scales"] is not None:
+        if spec.link_inertia_scale != 1.0 or spec.link_inertia_scales is not None:
             raise InputError(f"arm.link_inertia_scale needs a URDF; valid is 1 for arm.file = '{own.path}'")
         try:
             instance = Parser(plant).AddModels(own.path)[0]
         except (RuntimeError, IndexError) as error:
-            raise InputError(f"arm.file = '{own.path}' cannot be read: {error}") from None
+            raise own.error(f"cannot be read: {error}") from None
         _fix_off_the_chain(plant, instance, own)
         _free_from_the_ground(plant, instance, own)
+        numbers = JointNumbers({}, {}, None)
     joints = _moving(plant, instance)
     names = [joint.name() for joint in joints]
     for field in ("home", "torque_limits", "speed_limits", "reflected_inertia"):
         given = getattr(own, field)
         if given is not None and len(given) != len(joints):
-            raise InputError(
-                f"scenario field 'arm.{field}' = {list(given)} has {len(given)} entries;"
-                f" valid is one per joint, {' '.join(names)}"
-            )
-    torque = _actuate(plant, own, joints, scales, peak)
-    if own.speed_limits is not None:
-        for joint, limit in zip(joints, own.speed_limits, strict=True):
-            joint.set_velocity_limits([-limit], [limit])
-    if own.home is not None:
-        home = dict(zip(names, own.home, strict=True))
-    known = own.torque_limits is None
-    rated = {n: rated[n] if known and np.isfinite(rated.get(n, np.inf)) else torque[n] for n in names}
-    return instance, rated, home, peak
+            valid = f"one per joint, {' '.join(names)}"
+            message = f"scenario field 'arm.{field}' = {list(given)} has {len(given)} entries; valid is {valid}"
+            raise InputError(message, field=f"arm.{field}", value=given, valid=valid)
+    peak = _actuate(plant, spec, own, joints, numbers.peak_torque)
+    for joint, limit in zip(joints, own.speed_limits or (), strict=False):
+        joint.set_velocity_limits([-limit], [limit])
+    rated = {} if own.torque_limits else {name: t for name, t in numbers.rated_torque.items() if np.isfinite(t)}
+    home = numbers.home if own.home is None else dict(zip(names, own.home, strict=True))
+    return instance, JointNumbers({name: rated.get(name, peak[name]) for name in names}, peak, home)
 
 
 def _moving(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[Joint]:
@@ -162,37 +123,38 @@ def _moving(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[Joint]:
 
 
 def _actuate(
-    plant: MultibodyPlant, own: ArmFile, joints: Sequence[Joint], scales: dict[str, Any], stated: dict[str, float]
+    plant: MultibodyPlant, spec: ArmSpec, own: ArmFile, joints: Sequence[Joint], peak_in_text: Mapping[str, float]
 ) -> dict[str, float]:
-    """One actuator a joint, in the order of the joints, which the plant's input then has too; returns their limits."""
-    old: dict[str, JointActuator] = {}
+    """One actuator a joint, in the order of the joints, which the plant's input then has too; returns their limits
+    [N m] by joint name.
+    """
+    names = [joint.name() for joint in joints]
+    of_file: dict[str, JointActuator] = {}
     for index in list(plant.GetJointActuatorIndices()):
         actuator = plant.get_joint_actuator(index)
-        old[actuator.joint().name()] = actuator
+        of_file[actuator.joint().name()] = actuator
     limits, gears = {}, {}
-    for k, joint in enumerate(joints):
-        name, actuator = joint.name(), old.get(joint.name())
-        in_file = actuator.effort_limit() if actuator else stated.get(name, 0.0)
-        limit = own.torque_limits[k] if own.torque_limits else in_file
-        limit *= scales.get("torque_scale", 1.0)
+    for k, (name, scale) in enumerate(zip(names, spec.per_joint("reflected_inertia_scales", names), strict=True)):
+        peak, ratio, rotor = peak_in_text.get(name, 0.0), 1.0, 0.0
+        if actuator := of_file.get(name):
+            peak, ratio = actuator.effort_limit(), actuator.default_gear_ratio()
+            rotor = actuator.default_rotor_inertia() * (spec.reflected_inertia_scale * scale)
+        limit = (own.torque_limits[k] if own.torque_limits else peak) * spec.torque_scale
         if not (np.isfinite(limit) and limit > 0):
-            raise InputError(
-                f"arm.file = '{own.path}': joint '{name}' has no torque limit; valid is one per joint"
-                f" in the file or in arm.torque_limits, {' '.join(j.name() for j in joints)}"
-            )
+            valid = f"one per joint in the file or in arm.torque_limits, {' '.join(names)}"
+            raise own.error(f"lacks a limit: joint '{name}' has no torque limit; valid is {valid}", valid)
         limits[name] = float(limit)
-        ratio, rotor = (actuator.default_gear_ratio(), actuator.default_rotor_inertia()) if actuator else (1.0, 0.0)
-        rotor *= scales.get("reflected_inertia_scale", 1.0) * (scales.get("reflected_inertia_scales") or [1.0] * 99)[k]
         gears[name] = (1.0, own.reflected_inertia[k]) if own.reflected_inertia else (ratio, rotor)
-    for actuator in old.values():
+    for actuator in of_file.values():
         plant.RemoveJointActuator(actuator)
-    for joint in joints:
-        actuator = plant.AddJointActuator(joint.name(), joint, limits[joint.name()])
-        ratio, rotor = gears[joint.name()]
+    for joint, name in zip(joints, names, strict=True):
+        actuator = plant.AddJointActuator(name, joint, limits[name])
+        ratio, rotor = gears[name]
         actuator.set_default_gear_ratio(ratio)
         actuator.set_default_rotor_inertia(rotor)
-        if (scale := scales.get("speed_scale", 1.0)) != 1.0:
-            joint.set_velocity_limits(scale * joint.velocity_lower_limits(), scale * joint.velocity_upper_limits())
+        if spec.speed_scale != 1.0:
+            low, high = joint.velocity_lower_limits(), joint.velocity_upper_limits()
+            joint.set_velocity_limits(spec.speed_scale * low, spec.speed_scale * high)
     return limits
 
 
@@ -206,16 +168,16 @@ def _free_from_the_ground(plant: MultibodyPlant, instance: ModelInstanceIndex, o
 
 
 def _fix_off_the_chain(plant: MultibodyPlant, instance: ModelInstanceIndex, own: ArmFile) -> None:
-    """Weld the moving joints that do not lie between base and flange, as `arm_files.made_ready` does for a URDF."""
+    """Weld the moving joints that do not lie between base and flange, as `prepare_urdf` does for a URDF."""
     for name in (own.base, own.flange):
         if not plant.HasFrameNamed(name, instance):
-            raise InputError(f"arm.file = '{own.path}' has no link or frame '{name}'; valid is an arm with both")
+            raise own.error(f"has no link or frame '{name}'; valid is an arm with both")
     by_child = {plant.get_joint(i).child_body().index(): plant.get_joint(i) for i in plant.GetJointIndices(instance)}
     here, base = (plant.GetFrameByName(name, instance).body().index() for name in (own.flange, own.base))
     chain = set()
     while here != base:
         if here not in by_child:
-            raise InputError(f"arm.file = '{own.path}': '{own.flange}' is not carried by '{own.base}'")
+            raise own.error(f"is no chain: '{own.flange}' is not carried by '{own.base}'")
         chain.add(by_child[here].name())
         here = by_child[here].parent_body().index()
     actuators = [plant.get_joint_actuator(i) for i in plant.GetJointActuatorIndices()]

@@ -34,10 +34,9 @@ class Kinematics(Protocol):
 
 
 def pose(arm: Kinematics, target: Array, seeds: Sequence[Array], tol: float) -> Array:
-    """The first joint angles (n,) [rad] found within the limits, at the task pose target (6,) within tol.
+    """The first joint angles (n,) [rad] within the limits, at the task pose target (6,) within tol.
 
-    Raises PlanningError naming the pose, and joint and limit if solutions were found, but none within the
-    limits.
+    Raises PlanningError naming the pose, and joint and limit if there are solutions, but none within the limits.
     """
     outside: Array | None = None
     for seed in seeds:
@@ -84,10 +83,10 @@ def _conditioned(arm: Kinematics, q: Array, through: Sequence[Array], tol: float
     """
     smallest = np.inf
     for pose_on_the_way in [None, *through]:
-        found = q if pose_on_the_way is None else along_line(arm, pose_on_the_way, q, tol)
-        if found is None or not _inside(arm, found).all():
+        reached = q if pose_on_the_way is None else along_line(arm, pose_on_the_way, q, tol)
+        if reached is None or not _inside(arm, reached).all():
             return 0.0
-        q = found
+        q = reached
         room = min(1.0, float(np.minimum(q - arm.q_min, arm.q_max - q).min()) / COMFORT)
         smallest = min(smallest, room * float(np.linalg.svd(arm.task_jacobian(q)[1], compute_uv=False)[-1]))
     return smallest
@@ -96,18 +95,13 @@ def _conditioned(arm: Kinematics, q: Array, through: Sequence[Array], tol: float
 def path(arm: Kinematics, targets: Array, first: Array, tol: float, *, check_limits: bool) -> Array:
     """Joint angles (N, n) [rad] along targets (N, 6), beginning with first (n,), on one branch.
 
-    Each sample starts from the quadratic extrapolation of the three before it. Raises PlanningError naming
-    the sample.
+    Raises PlanningError naming the sample.
     """
     qs = np.empty((len(targets), len(first)))
     qs[0] = first
     for k in range(1, len(targets)):
-        if k == 1:
-            guess = qs[0]
-        elif k == 2:
-            guess = 2 * qs[1] - qs[0]
-        else:
-            guess = 3 * (qs[k - 1] - qs[k - 2]) + qs[k - 3]
+        # the extrapolation of the last three samples, or as many as there are
+        guess = qs[0] if k == 1 else 2 * qs[1] - qs[0] if k == 2 else 3 * (qs[k - 1] - qs[k - 2]) + qs[k - 3]
         q = newton(arm, targets[k], guess, tol)
         if q is None or np.abs(q - qs[k - 1]).max() > STEP_MAX:
             q = along_line(arm, targets[k], qs[k - 1], tol)

@@ -6,16 +6,22 @@ number is written down only once. All functions are pure: same arguments, same t
 """
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from flipdiagram.arrays import Array
 from flipdiagram.errors import InputError
-from flipdiagram.robot.own_files import ArmFile, made_ready
+from flipdiagram.robot.arm_spec import ArmSpec
+from flipdiagram.robot.own_files import prepare_urdf
 
 DRAKE = "http://drake.mit.edu"
 ElementTree.register_namespace("drake", DRAKE)
+DRAKE_TAG = f"{{{DRAKE}}}"
+ROTOR_INERTIA = f"{DRAKE_TAG}rotor_inertia"
+MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+Size = tuple[float, float, float]
 
 BLADE_MASS_SHARE = 0.049 / 0.150  # of the spatula's mass; the rest is the handle, see spatula.urdf
 HANDLE_RADIUS = 0.008  # [m], as in spatula.urdf
@@ -37,186 +43,109 @@ def model_path(name: str) -> Path:
     return path
 
 
-def arm_urdf(
-    own: ArmFile | None = None,
-    *,
-    link_inertia_scale: float = 1.0,
-    reflected_inertia_scale: float = 1.0,
-    speed_scale: float = 1.0,
-    torque_scale: float = 1.0,
-    link_inertia_scales: Sequence[float] | None = None,
-    reflected_inertia_scales: Sequence[float] | None = None,
-) -> str:
-    """URDF text of the arm with its numbers scaled; `own` is a URDF of the user's own (default: mh3f.urdf).
-
-    link_inertia_scale multiplies mass and inertia of every link, reflected_inertia_scale every rotor inertia,
-    speed_scale every velocity limit, torque_scale every effort limit (the peak; friction is a fraction of the
-    rated torque, which stays). Numbers without unit, above 0 (reflected_inertia_scale: 0 too).
-    link_inertia_scales and reflected_inertia_scales multiply those of the link and rotor of each joint, in order.
-    """
-    root = _parse(model_path("mh3f.urdf") if own is None else Path(own.path))
-    if own is not None:
-        made_ready(root, own.base, own.flange, own.path)
-    for name, scale, path, attributes in (
-        ("link_inertia_scale", link_inertia_scale, "link/inertial/mass", ("value",)),
-        ("link_inertia_scale", link_inertia_scale, "link/inertial/inertia", ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")),
-        (
-            "reflected_inertia_scale",
-            reflected_inertia_scale,
-            f"transmission/actuator/{{{DRAKE}}}rotor_inertia",
-            ("value",),
-        ),
-        ("speed_scale", speed_scale, "joint/limit", ("velocity",)),
-        ("torque_scale", torque_scale, "joint/limit", ("effort",)),
-    ):
-        if name == "reflected_inertia_scale":
-            check_not_negative(name, scale)
-        else:
-            check_positive(name, scale)
+def arm_urdf(spec: ArmSpec) -> str:
+    """URDF text of the arm with its numbers scaled."""
+    root = _parse(model_path("mh3f.urdf") if spec.own is None else Path(spec.own.path))
+    if spec.own is not None:
+        prepare_urdf(root, spec.own)
+    joints = [joint for joint in root.iterfind("joint") if joint.get("type") != "fixed"]
+    names = [joint.attrib["name"] for joint in joints]
+    factors = [
+        ("link/inertial/mass", ("value",), spec.link_inertia_scale),
+        ("link/inertial/inertia", MOMENTS, spec.link_inertia_scale),
+        (f"transmission/actuator/{ROTOR_INERTIA}", ("value",), spec.reflected_inertia_scale),
+        ("joint/limit", ("velocity",), spec.speed_scale),
+        ("joint/limit", ("effort",), spec.torque_scale),
+    ]
+    for joint, factor in zip(joints, spec.per_joint("link_inertia_scales", names), strict=True):
+        inertial = f"link[@name='{_find(joint, 'child').attrib['link']}']/inertial"
+        factors += [(f"{inertial}/mass", ("value",), factor), (f"{inertial}/inertia", MOMENTS, factor)]
+    for name, factor in zip(names, spec.per_joint("reflected_inertia_scales", names), strict=True):
+        factors += [(f"transmission/joint[@name='{name}']/../actuator/{ROTOR_INERTIA}", ("value",), factor)]
+    for path, attributes, factor in factors:
         for element in root.iterfind(path):
-            for attribute in attributes:
-                if attribute in element.attrib:
-                    _scale(element, attribute, scale)
-    moving = [joint for joint in root.iterfind("joint") if joint.get("type") != "fixed"]
-    for joint, scale in zip(moving, _per_joint("link_inertia_scales", link_inertia_scales, moving), strict=True):
-        link = f"link[@name='{_attribute(joint, 'child', 'link')}']/inertial"
-        for element in (*root.iterfind(f"{link}/mass"), *root.iterfind(f"{link}/inertia")):
-            for attribute in element.attrib:
-                _scale(element, attribute, scale)
-    scales = _per_joint("reflected_inertia_scales", reflected_inertia_scales, moving)
-    for joint, scale in zip(moving, scales, strict=True):
-        transmission = f"transmission/joint[@name='{joint.attrib['name']}']/../actuator"
-        for element in root.iterfind(f"{transmission}/{{{DRAKE}}}rotor_inertia"):
-            _scale(element, "value", scale)
+            for attribute in element.attrib.keys() & set(attributes):
+                element.set(attribute, repr(float(element.attrib[attribute]) * factor))
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _scale(element: ElementTree.Element, attribute: str, scale: float) -> None:
-    element.set(attribute, repr(float(element.attrib[attribute]) * scale))
+def spatula_urdf(*, blade_size: Size, tool_length: float, mass: float, friction: float) -> str:
+    """URDF text of the spatula with other numbers than spatula.urdf.
 
+    The inertia follows: blade = homogeneous box, handle = rod from the flange to the blade.
 
-def _per_joint(name: str, scales: Sequence[float] | None, joints: Sequence[ElementTree.Element]) -> list[float]:
-    if scales is None:
-        return [1.0] * len(joints)
-    if len(scales) != len(joints):
-        names = " ".join(joint.attrib["name"] for joint in joints)
-        raise InputError(f"{name} = {list(scales)} has {len(scales)} entries; valid is one per joint, {names}")
-    return [check_positive(f"{name}[{i}]", scale) for i, scale in enumerate(scales)]
-
-
-def spatula_urdf(
-    *,
-    blade_size: Sequence[float] | None = None,
-    tool_length: float | None = None,
-    mass: float | None = None,
-    friction: float | None = None,
-) -> str:
-    """URDF text of the spatula; None keeps the number of spatula.urdf.
-
-    blade_size: along the handle, across, thickness [m]; tool_length: flange to the centre of the blade's top
-    surface [m]; mass: of the whole spatula [kg]; friction: static coefficient on the object. The inertia
-    follows: blade = homogeneous box, handle = rod from the flange to the blade.
+    Args:
+        blade_size: along the handle, across it, thickness [m].
+        tool_length: flange to the centre of the blade's top surface [m].
+        mass: of the whole spatula [kg].
+        friction: static coefficient on the object.
     """
     root = _parse(model_path("spatula.urdf"))
-    size = _size("blade_size", blade_size, _attribute(root, "link/collision/geometry/box", "size"))
-    length = (
-        float(_attribute(root, "frame", "xyz").split()[0])
-        if tool_length is None
-        else check_positive("tool_length", tool_length)
-    )
-    total = float(_attribute(root, "link/inertial/mass", "value")) if mass is None else check_positive("mass", mass)
-    handle = length - size[0] / 2
+    length, thickness = tool_length, blade_size[2]
+    handle = length - blade_size[0] / 2
     if handle <= 0:
-        raise InputError(
-            f"tool_length = {length} m leaves no handle; valid is more than half the blade, {size[0] / 2} m"
-        )
-
-    blade_centre = f"{length!r} 0 {-size[2] / 2!r}"
+        valid = f"more than half the blade, {blade_size[0] / 2} m"
+        message = f"tool_length = {length} m leaves no handle; valid is {valid}"
+        raise InputError(message, field="tool_length", value=length, valid=valid)
+    blade_centre = f"{length!r} 0 {-thickness / 2!r}"
     for path in ("link/visual[@name='blade']", "link/collision"):
         _set(root, f"{path}/origin", xyz=blade_centre)
-        _set(root, f"{path}/geometry/box", size=_text(size))
+        _set(root, f"{path}/geometry/box", size=spaced(blade_size))
     _set(root, "frame", xyz=f"{length!r} 0 0")
-    _set(root, "link/visual[@name='handle']/origin", xyz=f"{handle / 2!r} 0 {-size[2] / 2!r}")
+    _set(root, "link/visual[@name='handle']/origin", xyz=f"{handle / 2!r} 0 {-thickness / 2!r}")
     _set(root, "link/visual[@name='handle']/geometry/cylinder", length=repr(handle))
-    _set(root, "link/visual[@name='neck']/origin", xyz=f"{handle - 0.005!r} 0 {-size[2] - 0.002!r}")
-    if friction is not None:
-        for kind in ("mu_static", "mu_dynamic"):
-            _set(root, f".//{{{DRAKE}}}{kind}", value=repr(check_not_negative("friction", friction)))
+    _set(root, "link/visual[@name='neck']/origin", xyz=f"{handle - 0.005!r} 0 {-thickness - 0.002!r}")
+    for kind in ("mu_static", "mu_dynamic"):
+        _set(root, f".//{DRAKE_TAG}{kind}", value=repr(friction))
 
-    blade_mass, handle_mass = BLADE_MASS_SHARE * total, (1 - BLADE_MASS_SHARE) * total
+    blade_mass, handle_mass = BLADE_MASS_SHARE * mass, (1 - BLADE_MASS_SHARE) * mass
     centre = BLADE_MASS_SHARE * length + (1 - BLADE_MASS_SHARE) * handle / 2
     across = handle_mass / 12 * (3 * HANDLE_RADIUS**2 + handle**2)
     rod = np.array([handle_mass / 2 * HANDLE_RADIUS**2, across, across])
-    apart = blade_mass * handle_mass / total * (length - handle / 2) ** 2  # two bodies about their common COM
-    ixx, iyy, izz = (float(i) for i in box_inertia(blade_mass, size) + rod + np.array([0.0, apart, apart]))
-    _set(root, "link/inertial/origin", xyz=f"{centre!r} 0 {-size[2] / 2!r}")
-    _set(root, "link/inertial/mass", value=repr(total))
-    _set(root, "link/inertial/inertia", ixx=repr(ixx), iyy=repr(iyy), izz=repr(izz))
+    apart = blade_mass * handle_mass / mass * (length - handle / 2) ** 2  # two bodies about their common COM
+    moments = (box_inertia(blade_mass, blade_size) + rod + np.array([0.0, apart, apart])).tolist()
+    _set(root, "link/inertial/origin", xyz=f"{centre!r} 0 {-thickness / 2!r}")
+    _set(root, "link/inertial/mass", value=repr(mass))
+    _set(root, "link/inertial/inertia", **dict(zip(MOMENTS, map(repr, moments), strict=False)))
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def block_sdf(
-    *,
-    size: Sequence[float] | None = None,
-    mass: float | None = None,
-    friction: float | None = None,
-    hydroelastic_modulus: float | None = None,
-    hunt_crossley_dissipation: float | None = None,
-) -> str:
-    """SDF text of the object, a homogeneous box; None keeps the number of block.sdf.
+def block_sdf(*, size: Size, mass: float, friction: float, modulus: float, dissipation: float) -> str:
+    """SDF text of the object, a homogeneous box, with other numbers than block.sdf.
 
-    size: x, y, z [m] in the block's frame (y along the tool's tangent, z the thickness); mass [kg]; friction:
-    static coefficient; hydroelastic_modulus [Pa]; hunt_crossley_dissipation [s/m].
+    Args:
+        size: x, y, z [m] in the block's frame: y along the tool's tangent, z the thickness.
+        mass: [kg].
+        friction: static coefficient.
+        modulus: hydroelastic modulus [Pa].
+        dissipation: of Hunt and Crossley [s/m].
     """
-    root = _parse(model_path("block.sdf"))
-    edges = _size("size", size, _find(root, ".//collision/geometry/box/size").text or "")
-    total = float(_find(root, ".//mass").text or "") if mass is None else check_positive("mass", mass)
-    _fill(root, {".//box/size": _text(edges), ".//mass": repr(total)})
-    _fill(
-        root,
-        {
-            f".//{name}": repr(float(i))
-            for name, i in zip(("ixx", "iyy", "izz"), box_inertia(total, edges), strict=True)
-        },
-    )
-    _fill_contact(root, friction)
-    if hydroelastic_modulus is not None:
-        value = check_positive("hydroelastic_modulus", hydroelastic_modulus)
-        _fill(root, {f".//{{{DRAKE}}}hydroelastic_modulus": repr(value)})
-    if hunt_crossley_dissipation is not None:
-        value = check_not_negative("hunt_crossley_dissipation", hunt_crossley_dissipation)
-        _fill(root, {f".//{{{DRAKE}}}hunt_crossley_dissipation": repr(value)})
-    return ElementTree.tostring(root, encoding="unicode")
+    moments = dict(zip(MOMENTS, box_inertia(mass, size).tolist(), strict=False))
+    numbers = {
+        "mass": mass,
+        **moments,
+        **{f"{DRAKE_TAG}{kind}": friction for kind in ("mu_static", "mu_dynamic")},
+        f"{DRAKE_TAG}hydroelastic_modulus": modulus,
+        f"{DRAKE_TAG}hunt_crossley_dissipation": dissipation,
+    }
+    return _filled("block.sdf", {"box/size": spaced(size)} | {tag: repr(number) for tag, number in numbers.items()})
 
 
-def table_sdf(*, size: Sequence[float] | None = None, friction: float | None = None) -> str:
-    """SDF text of the table, a plate of size x, y, z [m] below its frame; None: as in table.sdf."""
-    root = _parse(model_path("table.sdf"))
-    edges = _size("size", size, _find(root, ".//collision/geometry/box/size").text or "")
-    _fill(root, {".//box/size": _text(edges), ".//visual/pose": f"0 0 {-edges[2] / 2!r} 0 0 0"})
-    _fill(root, {".//collision/pose": f"0 0 {-edges[2] / 2!r} 0 0 0"})
-    _fill_contact(root, friction)
-    return ElementTree.tostring(root, encoding="unicode")
+def table_sdf(friction: float) -> str:
+    """SDF text of the table, a plate below its frame, with another friction coefficient than table.sdf."""
+    return _filled("table.sdf", {f"{DRAKE_TAG}{kind}": repr(friction) for kind in ("mu_static", "mu_dynamic")})
 
 
-def box_inertia(mass: float, size: Sequence[float]) -> np.ndarray:
+def table_size() -> Array:
+    """Edges (3,) of the table's plate [m]."""
+    size = _find(_parse(model_path("table.sdf")), ".//collision/geometry/box/size").text or ""
+    return np.array([float(edge) for edge in size.split()])
+
+
+def box_inertia(mass: float, size: Sequence[float]) -> Array:
     """Moments of inertia (3,) [kg m^2] of a homogeneous box about its centre; mass [kg], size x, y, z [m]."""
     x2, y2, z2 = (edge**2 for edge in size)
     return mass / 12 * np.array([y2 + z2, x2 + z2, x2 + y2])
-
-
-def check_positive(name: str, value: float) -> float:
-    """`value` as a float; InputError naming `name` unless it is a finite number above zero."""
-    if not np.isfinite(value) or value <= 0:
-        raise InputError(f"{name} = {value} is not valid; valid is a number above 0")
-    return float(value)
-
-
-def check_not_negative(name: str, value: float) -> float:
-    """`value` as a float; InputError naming `name` unless it is a finite number of at least zero."""
-    if not np.isfinite(value) or value < 0:
-        raise InputError(f"{name} = {value} is not valid; valid is a number of at least 0")
-    return float(value)
 
 
 def _parse(path: Path) -> ElementTree.Element:
@@ -235,34 +164,20 @@ def _find(root: ElementTree.Element, path: str) -> ElementTree.Element:
     return element
 
 
-def _attribute(root: ElementTree.Element, path: str, name: str) -> str:
-    return _find(root, path).attrib[name]
-
-
 def _set(root: ElementTree.Element, path: str, **attributes: str) -> None:
     _find(root, path).attrib.update(attributes)
 
 
-def _fill(root: ElementTree.Element, texts: Mapping[str, str]) -> None:
+def _filled(name: str, texts: Mapping[str, str]) -> str:
+    """The text of an SDF file with other texts in all elements of each path, of which there must be one."""
+    root = _parse(model_path(name))
     for path, text in texts.items():
-        _find(root, path)
-        for element in root.iterfind(path):
+        _find(root, f".//{path}")
+        for element in root.iterfind(f".//{path}"):
             element.text = text
+    return ElementTree.tostring(root, encoding="unicode")
 
 
-def _fill_contact(root: ElementTree.Element, friction: float | None) -> None:
-    if friction is not None:
-        text = repr(check_not_negative("friction", friction))
-        _fill(root, {f".//{{{DRAKE}}}mu_static": text, f".//{{{DRAKE}}}mu_dynamic": text})
-
-
-def _size(name: str, given: Sequence[float] | None, default: str) -> tuple[float, float, float]:
-    edges = [float(edge) for edge in default.split()] if given is None else list(given)
-    if len(edges) != 3:
-        raise InputError(f"{name} = {edges} is not valid; valid are three lengths [m]")
-    x, y, z = (check_positive(f"{name}[{i}]", edge) for i, edge in enumerate(edges))
-    return x, y, z
-
-
-def _text(values: Sequence[float]) -> str:
+def spaced(values: Iterable[float]) -> str:
+    """Numbers as model files write them, each read back exactly."""
     return " ".join(repr(float(value)) for value in values)

@@ -13,64 +13,37 @@ from pathlib import Path
 
 import numpy as np
 
-from flipdiagram.errors import InputError
+from flipdiagram.robot.arm_spec import ArmFile
 
 DRAWABLE = (".obj", ".gltf", ".vtk")
 """Kinds of mesh that Drake draws."""
 STAND_IN_RADIUS = 0.04
-FORMATS = (".urdf", ".sdf", ".xml")
-"""URDF, SDF, and MJCF, whose files end in .xml."""
 
 
 @dataclass(frozen=True)
-class ArmFile:
-    """An arm of the user's own, as the scenario names it.
+class JointNumbers:
+    """What an arm's file says of its joints, by name."""
 
-    path: URDF, SDF or MJCF (.xml); base, flange: names of links or frames; mount_angle [rad]: turn of the spatula about
-    the flange's z axis, which points out of it; the rest per joint from base to flange, None for what the file says:
-    home [rad], torque_limits [N m], speed_limits [rad/s], reflected_inertia [kg m²].
-    """
-
-    path: str
-    base: str = "base"
-    flange: str = "flange"
-    mount_angle: float = 0.0
-    home: tuple[float, ...] | None = None
-    torque_limits: tuple[float, ...] | None = None
-    speed_limits: tuple[float, ...] | None = None
-    reflected_inertia: tuple[float, ...] | None = None
-
-    @property
-    def is_urdf(self) -> bool:
-        """Whether the text can be read and changed as URDF; other formats are changed in the plant."""
-        return Path(self.path).suffix.lower() == ".urdf"
-
-    def check(self) -> None:
-        """Raise InputError unless the file is there and of a known format."""
-        if Path(self.path).suffix.lower() not in FORMATS:
-            raise InputError(f"arm.file = '{self.path}' is of no known format; valid is {', '.join(FORMATS)}")
-        if not Path(self.path).is_file():
-            raise InputError(f"arm.file = '{self.path}' cannot be read; valid is an existing file")
+    rated_torque: dict[str, float]  # [N m] attribute `rated_effort`, or `effort` where it is missing
+    peak_torque: dict[str, float]  # [N m] attribute `effort`; 0 where it is missing
+    home: dict[str, float] | None  # [rad] attribute `home`, the middle of the range where one is missing; None: all are
 
 
-def made_ready(root: ElementTree.Element, base: str, flange: str, source: str) -> tuple[str, ...]:
-    """Change a URDF's tree in place as the module says; returns the moving joints from base to flange.
-
-    Raises InputError where there is no such link, or no chain between them.
-    """
+def prepare_urdf(root: ElementTree.Element, own: ArmFile) -> None:
+    """Change a URDF's tree in place as the module says; InputError without base, flange or a chain between them."""
     joints = list(root.iterfind("joint"))
     by_child = {_link(joint, "child"): joint for joint in joints}
     links = {link.attrib["name"]: link for link in root.iterfind("link")}
     frames = {frame.attrib["name"]: frame.attrib.get("link", "") for frame in root.iterfind("frame")}
+    base, flange = own.base, own.flange
     for name in (base, flange):
         if name not in links and name not in frames:
-            known = ", ".join([*links, *frames])
-            raise InputError(f"arm.file = '{source}' has no link or frame '{name}'; choose from {known}")
+            raise own.error(f"has no link or frame '{name}'; choose from {', '.join([*links, *frames])}")
     chain: list[ElementTree.Element] = []
     here, root_link = frames.get(flange, flange), frames.get(base, base)
     while here != root_link:
         if here not in by_child:
-            raise InputError(f"arm.file = '{source}': '{flange}' is not carried by '{base}'; valid is one that is")
+            raise own.error(f"is no chain: '{flange}' is not carried by '{base}'; valid is one that is")
         chain.insert(0, by_child[here])
         here = _link(chain[0], "parent")
     if root_link in by_child:  # such as a joint that fixes the base to the world: its place is the scenario's
@@ -86,40 +59,21 @@ def made_ready(root: ElementTree.Element, base: str, flange: str, source: str) -
         if driven is None or driven.attrib.get("name") not in moving:
             root.remove(transmission)
     for name, link in links.items():
-        _show_simply(link, [joint for joint in joints if _link(joint, "parent") == name], Path(source).parent)
-    return moving
+        _show_simply(link, [joint for joint in joints if _link(joint, "parent") == name], Path(own.path).parent)
 
 
-def rated_torques(arm_text: str) -> dict[str, float]:
-    """Continuous torque [N m] by joint name: attribute `rated_effort`, or `effort` where it is missing."""
-    return {
-        name: float(limit.get("rated_effort", limit.get("effort", "inf")))
-        for name, limit in _joint_limits(arm_text).items()
-    }
-
-
-def peak_torques(arm_text: str) -> dict[str, float]:
-    """Largest torque [N m] by joint name: attribute `effort`; 0 where it is missing."""
-    return {name: float(limit.get("effort", 0)) for name, limit in _joint_limits(arm_text).items()}
-
-
-def home_angles(arm_text: str) -> dict[str, float] | None:
-    """Angle near the start pose [rad] by joint name from the `home` attributes, the middle of the range where one is
-    missing; None where all are.
-    """
-    limits = _joint_limits(arm_text)
-    if not any("home" in limit.attrib for limit in limits.values()):
-        return None
-    return {
-        name: float(limit.get("home", (float(limit.get("lower", 0)) + float(limit.get("upper", 0))) / 2))
-        for name, limit in limits.items()
-    }
-
-
-def _joint_limits(arm_text: str) -> dict[str, ElementTree.Element]:
-    joints = ElementTree.fromstring(arm_text).iterfind("joint")
-    limits = {joint.attrib["name"]: joint.find("limit") for joint in joints}
-    return {name: limit for name, limit in limits.items() if limit is not None}
+def joint_numbers(urdf: str) -> JointNumbers:
+    """The torques and home angles that the text of a URDF gives its joints."""
+    elements = {joint.attrib["name"]: joint.find("limit") for joint in ElementTree.fromstring(urdf).iterfind("joint")}
+    limits = {name: limit.attrib for name, limit in elements.items() if limit is not None}
+    middle = {name: (float(limit.get("lower", 0)) + float(limit.get("upper", 0))) / 2 for name, limit in limits.items()}
+    return JointNumbers(
+        {name: float(limit.get("rated_effort", limit.get("effort", "inf"))) for name, limit in limits.items()},
+        {name: float(limit.get("effort", 0)) for name, limit in limits.items()},
+        {name: float(limit.get("home", middle[name])) for name, limit in limits.items()}
+        if any("home" in limit for limit in limits.values())
+        else None,
+    )
 
 
 def _link(joint: ElementTree.Element, kind: str) -> str:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 from pydrake.geometry import GeometrySet
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
@@ -16,9 +14,9 @@ from pydrake.multibody.tree import BodyIndex, RigidBody, SpatialInertia
 
 from flipdiagram.errors import InputError
 from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.arm_spec import ArmFile, ArmSpec
 from flipdiagram.robot.assembly import ArmHandles, add_arm
 from flipdiagram.robot.model_files import block_sdf, spatula_urdf, table_sdf
-from flipdiagram.robot.own_files import ArmFile
 from flipdiagram.scenario.cell import OWN_ARM
 from flipdiagram.scenario.scenario import Scenario
 
@@ -39,30 +37,21 @@ class Parts:
 
 def arm_of(scenario: Scenario) -> ArmModel:
     """The arm as controller and planner know it: no block, no friction; control point at the object's centre."""
-    return ArmModel(**_arm_options(scenario))
+    return ArmModel(_arm_spec(scenario))
 
 
 def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
     """Add arm, spatula, block and table to a plant that is not finalized; raises InputError for a bad number."""
-    arm = add_arm(plant, **_arm_options(scenario))
+    arm = add_arm(plant, _arm_spec(scenario))
     if scenario.disturbance.payload > 0:
         _add_payload(plant, arm, scenario.disturbance.payload)
-    thing, physics = scenario.object, scenario.simulation
-    block = block_sdf(
-        size=(thing.width, thing.length, thing.thickness),
-        mass=thing.mass * scenario.disturbance.object_mass_scale,
-        friction=thing.friction,
-        hydroelastic_modulus=physics.hydroelastic_modulus,
-        hunt_crossley_dissipation=physics.dissipation,
-    )
-    block_body = _add_own_object(plant, scenario) if thing.file else _only_body(plant, block)
-    (table_model,) = Parser(plant).AddModelsFromString(table_sdf(friction=scenario.table.friction), "sdf")
-    table = plant.GetBodyByName("table", table_model)
+    block = _add_own_object(plant, scenario) if scenario.object.file else _add_block(plant, scenario)
+    table = _only_body(plant, table_sdf(scenario.table.friction))
     height = scenario.table.height + scenario.disturbance.table_error
-    top: Any = np.array([scenario.task.start_x, scenario.task.target_y, height])
-    plant.WeldFrames(plant.world_frame(), table.body_frame(), RigidTransform(top))
+    X_WT = RigidTransform([scenario.task.start_x, scenario.task.target_y, height])
+    plant.WeldFrames(plant.world_frame(), table.body_frame(), X_WT)
     _leave_out_collisions(plant, arm)
-    return Parts(arm, block_body, table)
+    return Parts(arm, block, table)
 
 
 def _only_body(plant: MultibodyPlant, sdf: str) -> RigidBody:
@@ -70,9 +59,21 @@ def _only_body(plant: MultibodyPlant, sdf: str) -> RigidBody:
     return plant.get_body(plant.GetBodyIndices(model)[0])
 
 
+def _add_block(plant: MultibodyPlant, scenario: Scenario) -> RigidBody:
+    block, physics = scenario.object, scenario.simulation
+    sdf = block_sdf(
+        size=block.size,
+        mass=block.mass * scenario.disturbance.object_mass_scale,
+        friction=block.friction,
+        modulus=physics.hydroelastic_modulus,
+        dissipation=physics.dissipation,
+    )
+    return _only_body(plant, sdf)
+
+
 def _add_own_object(plant: MultibodyPlant, scenario: Scenario) -> RigidBody:
     """The object of the user's own file, whose mass the planner must know."""
-    file, thing = str(scenario.object.file), scenario.object
+    file, planned = str(scenario.object.file), scenario.object.mass
     try:
         (model,) = Parser(plant).AddModels(file)
     except (RuntimeError, ValueError) as error:
@@ -81,8 +82,8 @@ def _add_own_object(plant: MultibodyPlant, scenario: Scenario) -> RigidBody:
     if len(bodies) != 1:
         raise InputError(f"object.file = '{file}' has {len(bodies)} bodies; valid is one")
     mass = bodies[0].default_mass()
-    if abs(mass - thing.mass) > MASS_TOLERANCE * thing.mass:
-        raise InputError(f"object.file = '{file}' weighs {mass:g} kg; valid is object.mass = {thing.mass:g} kg")
+    if abs(mass - planned) > MASS_TOLERANCE * planned:
+        raise InputError(f"object.file = '{file}' weighs {mass:g} kg; valid is object.mass = {planned:g} kg")
     return bodies[0]
 
 
@@ -116,21 +117,6 @@ def base_in_plane(scenario: Scenario) -> tuple[float, float, float, float]:
     return task.start_x + c * dx - s * dy, task.start_y + s * dx + c * dy, z, yaw - turn
 
 
-def _arm_file(scenario: Scenario) -> ArmFile | None:
-    arm = scenario.arm
-    if arm.file is None:
-        return None
-    per_joint = {name: getattr(arm, name) for name in OWN_ARM}
-    return ArmFile(arm.file, arm.base, arm.flange, arm.mount_angle, **per_joint)
-
-
-def _own_tool(file: str) -> str:
-    try:
-        return Path(file).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"tool.file = '{file}' cannot be read: {error}") from None
-
-
 def _add_payload(plant: MultibodyPlant, arm: ArmHandles, mass: float) -> None:
     """A solid sphere at the flange, without collision geometry: only its mass [kg] matters."""
     payload = plant.AddRigidBody(
@@ -139,27 +125,22 @@ def _add_payload(plant: MultibodyPlant, arm: ArmHandles, mass: float) -> None:
     plant.WeldFrames(arm.flange, payload.body_frame())
 
 
-def _arm_options(scenario: Scenario) -> dict[str, Any]:
-    arm, tool = scenario.arm, scenario.tool
-    spatula = (
-        _own_tool(tool.file)
-        if tool.file
-        else spatula_urdf(
-            blade_size=(tool.blade_length, tool.blade_width, tool.blade_thickness),
-            tool_length=tool.reach,
-            mass=tool.mass,
-            friction=scenario.object.friction,
-        )
-    )
-    return {
-        "tool_height": scenario.object.thickness / 2,
-        "link_inertia_scale": arm.link_inertia_scale,
-        "reflected_inertia_scale": arm.reflected_inertia_scale,
-        "speed_scale": arm.speed_scale,
-        "torque_scale": arm.torque_scale,
-        "link_inertia_scales": arm.link_inertia_scales,
-        "reflected_inertia_scales": arm.reflected_inertia_scales,
-        "arm": _arm_file(scenario),
-        "spatula": spatula,
-        "base_pose": base_in_plane(scenario),
-    }
+def _spatula(scenario: Scenario) -> str:
+    """The text of the tool: the spatula with the scenario's numbers, or a file of the user's own."""
+    tool, friction = scenario.tool, scenario.object.friction
+    if tool.file is None:
+        return spatula_urdf(blade_size=tool.blade_size, tool_length=tool.reach, mass=tool.mass, friction=friction)
+    try:
+        return Path(tool.file).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        message = f"tool.file = '{tool.file}' cannot be read: {error}"
+        raise InputError(message, field="tool.file", value=tool.file) from None
+
+
+def _arm_spec(scenario: Scenario) -> ArmSpec:
+    arm, own = scenario.arm, None
+    if arm.file is not None:
+        own = ArmFile(arm.file, arm.base, arm.flange, arm.mount_angle, **{name: getattr(arm, name) for name in OWN_ARM})
+    height, pose = scenario.object.thickness / 2, base_in_plane(scenario)
+    scales = {f.name: getattr(arm, f.name) for f in fields(ArmSpec) if "scale" in f.name}
+    return ArmSpec(tool_height=height, own=own, spatula=_spatula(scenario), base_pose=pose, **scales)

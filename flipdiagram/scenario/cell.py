@@ -52,16 +52,14 @@ class Arm(Section):
 
     @model_validator(mode="after")
     def _above_zero(self) -> Arm:
-        for name in (
+        per_joint = (
             "link_inertia_scales",
             "reflected_inertia_scales",
             "torque_limits",
             "speed_limits",
             "reflected_inertia",
-        ):
-            values = getattr(self, name)
-            if values is not None and (not values or min(values) <= 0):
-                raise invalid(name, values, "a number above 0 for each joint, or null")
+        )
+        self.require_positive(per_joint, "a number above 0 for each joint, or null")
         if self.file is None:
             for name in ("base", "flange", "mount_angle", *OWN_ARM):
                 if getattr(self, name) != type(self).model_fields[name].default:
@@ -96,6 +94,11 @@ class Tool(Section):
         " x along the handle, z the normal; the blade's numbers here must match; null: the spatula",
     )
 
+    @property
+    def blade_size(self) -> tuple[float, float, float]:
+        """Edges of the blade along x, y, z of the tool frame [m]: length, width, thickness."""
+        return self.blade_length, self.blade_width, self.blade_thickness
+
 
 class Object(Section):
     """The rubber block that stands for the pancake."""
@@ -110,6 +113,11 @@ class Object(Section):
         description="URDF or SDF of another object: one body of this mass, its frame at the centre of a box of this"
         " size, x along the width; null: the block",
     )
+
+    @property
+    def size(self) -> tuple[float, float, float]:
+        """Edges along x, y, z of its frame [m]: width, length, thickness."""
+        return self.width, self.length, self.thickness
 
 
 class Table(Section):

@@ -73,10 +73,8 @@ class Frequency(Section):
     def _ranges(self) -> Frequency:
         if not self.lowest < self.highest:
             raise invalid("highest", self.highest, f"above frequency.lowest = {self.lowest:g} [rad/s]")
-        for name in ("omega", "g_dis", "torque_omega", "torque_g_dis"):
-            values = getattr(self, name)
-            if values is not None and (not values or min(values) <= 0):
-                raise invalid(name, values, "finite numbers above 0 [rad/s], at least one")
+        grids = ("omega", "g_dis", "torque_omega", "torque_g_dis")
+        self.require_positive(grids, "finite numbers above 0 [rad/s], at least one")
         if not self.torque_g_dis[0] < self.torque_g_dis[1]:
             raise invalid("torque_g_dis", self.torque_g_dis, "low and high with low < high [rad/s]")
         return self

@@ -19,11 +19,11 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from flipdiagram.errors import ScenarioError
-from flipdiagram.scenario import text as scenario_io
 from flipdiagram.scenario.cell import JOINTS, Arm, Disturbance, JointFriction, Object, Table, Tool
 from flipdiagram.scenario.one_dof import Frequency, OneDof, check_nyquist
 from flipdiagram.scenario.place import Place
-from flipdiagram.scenario.text import Section, invalid, quantity
+from flipdiagram.scenario.text import Section, dump, fields_of, invalid, override, quantity, validate
+from flipdiagram.scenario.yaml_reader import read_mapping
 
 FILES = ("arm.file", "tool.file", "object.file")
 """Fields that name a model file."""
@@ -141,10 +141,7 @@ class Controller(Section):
 
     @model_validator(mode="after")
     def _positive_inertia(self) -> Controller:
-        values = self.nominal_inertia
-        if values is not None and (not values or min(values) <= 0):
-            valid = "a number above 0 [kg m2] for each joint, or null"
-            raise invalid("nominal_inertia", values, valid)
+        self.require_positive(("nominal_inertia",), "a number above 0 [kg m2] for each joint, or null")
         return self
 
 
@@ -223,7 +220,7 @@ class Scenario(Section):
 
     def with_overrides(self, overrides: Mapping[str, Any]) -> Scenario:
         """A copy with fields changed by path, {"controller.k_p": 400.0}; ScenarioError for a bad one."""
-        return scenario_io.override(Scenario, self.model_dump(), overrides)
+        return override(Scenario, self.model_dump(), overrides)
 
     def between(self, start: tuple[float, float], target: tuple[float, float]) -> Scenario:
         """A copy whose object starts at (x, y) [m] over the table and shall land at another (x, y): a motion in 3-D.
@@ -239,22 +236,23 @@ class Scenario(Section):
 
     def to_yaml(self, comments: bool = False) -> str:
         """YAML that `from_yaml` reads back exactly; with comments, each field's text and unit."""
-        return scenario_io.dump(self, comments)
+        return dump(self, comments)
 
 
 def field_paths() -> list[str]:
     """All field paths of a Scenario in order: 'arm.link_inertia_scale', …"""
-    return scenario_io.field_paths(Scenario)
+    return list(fields_of(Scenario))
 
 
 def from_mapping(data: Mapping[str, Any]) -> Scenario:
     """A Scenario from nested mappings, absent fields at their defaults; ScenarioError for a bad one."""
-    return scenario_io.validate(Scenario, data)
+    return validate(Scenario, data)
 
 
 def from_yaml(text: str, source: str = "scenario") -> Scenario:
     """A Scenario from YAML text; ScenarioError where it is not YAML, no mapping, or a field is bad."""
-    return from_mapping(scenario_io.parse_mapping(text, source))
+    data, _ = read_mapping(text, source)
+    return from_mapping({section: {} if values is None else values for section, values in data.items()})
 
 
 def load(path: str | os.PathLike[str]) -> Scenario:

@@ -12,11 +12,11 @@ import xarray as xr
 from flipdiagram.arrays import Floats
 from flipdiagram.robot.model_files import box_inertia
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.simulation.recording import Recording, in_tool, tool_axes
+from flipdiagram.simulation.recording import Recording, in_tool, rotations
 from flipdiagram.theory import contact
 
 LEAST_FORCE = 1e-3
-"""Normal force [N] below which a ratio of forces says nothing."""
+"""Normal force [N] below which a ratio of forces says noblock."""
 
 
 def with_margins(data: Recording, blade_moment: Floats, scenario: Scenario) -> Recording:
@@ -44,12 +44,10 @@ def with_margins(data: Recording, blade_moment: Floats, scenario: Scenario) -> R
 
 def _realised(data: Recording, moment: Floats, friction: float) -> dict[str, tuple[Floats, str]]:
     """From the contact forces and poses that the physics produced."""
-    axes = tool_axes(data)  # rows: the tool's x, s, n in world axes
-    force = data["contact_force"].sel(pair="blade-block").values
-    origin = data["tool_pose"].values[:, 4:]
-    about_tool = moment - np.cross(origin, force)
-    f_x, f_s, f_n = np.einsum("tij,tj->it", axes, force)
-    m_x = np.einsum("tj,tj->t", axes[:, 0], about_tool)
+    force, pose = data["contact_force"].sel(pair="blade-block").values, data["tool_pose"].values
+    tool, about_tool = rotations(pose), moment - np.cross(pose[:, 4:], force)
+    f_x, f_s, f_n = tool.apply(force, inverse=True).T  # along the tool's x, s and n
+    m_x = tool.apply(about_tool, inverse=True)[:, 0]
     touching = f_n > LEAST_FORCE
     relative = in_tool(data)
     rest = relative[int(np.searchsorted(data["time"].values, 0.0))]
@@ -69,16 +67,16 @@ def _realised(data: Recording, moment: Floats, friction: float) -> dict[str, tup
 
 def _planned(data: Recording, scenario: Scenario) -> dict[str, tuple[Floats, str]]:
     """What the command asks of the contact, by eqs. (10) and (11)."""
-    thing, time = scenario.object, data["time"].values
+    block, time = scenario.object, data["time"].values
     a, theta = data["a_cmd"].values, data["x_cmd"].values[:, 2]
     carried = time <= data.attrs["release_time_s"]
     tangential, normal = contact.contact_force(a[:, :2], theta)
-    gyration = box_inertia(1.0, (thing.width, thing.length, thing.thickness))[0]
-    pressure = contact.centre_of_pressure(a, theta, thing.thickness / 2, gyration)
+    gyration = box_inertia(1.0, block.size)[0]
+    pressure = contact.centre_of_pressure(a, theta, block.thickness / 2, gyration)
     with np.errstate(divide="ignore", invalid="ignore"):
-        use = np.abs(tangential) / (thing.friction * normal)
+        use = np.abs(tangential) / (block.friction * normal)
     return {
-        "normal_force_cmd": (np.where(carried, thing.mass * normal, np.nan), "N"),
+        "normal_force_cmd": (np.where(carried, block.mass * normal, np.nan), "N"),
         "cone_use_cmd": (np.where(carried & (normal > 0), use, np.nan), "1"),
         "centre_of_pressure_cmd": (np.where(carried, pressure, np.nan), "m"),
     }

@@ -11,79 +11,66 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import InputError, SimulationError
-from flipdiagram.robot import model_files as assets
+from flipdiagram.robot.model_files import box_inertia, spaced, table_size
 from flipdiagram.scenario.scenario import Scenario, from_yaml
 from flipdiagram.simulation import metrics
-from flipdiagram.simulation.recording import Recording, continuous, in_tool
+from flipdiagram.simulation.recording import Recording, continuous, in_tool, rotations
 
 BLADE_MASS = 1e4
 """Mass [kg] and moment of inertia about every axis [kg m2] of the blade: 10⁵ blocks, so that the block cannot push it;
 the same about every axis, so that it has no gyroscopic torque."""
 
 
+CONES = ("elliptic", "pyramidal")
+RANGES = {"timestep": (1e-6, 1e-2), "impratio": (1e-3, 1e3), "impedance": (0.01, 0.9999), "settle": (0.0, 100.0)}
+
+
 @dataclass(frozen=True)
 class Settings:
     """How MuJoCo solves the contact; the defaults approach rigid Coulomb friction.  InputError for a bad value.
 
-    timestep: longest step [s]; a whole number of steps fills the recording's period.
-    cone: "elliptic" is Coulomb's cone; "pyramidal" has four faces and lets less friction through along the diagonals.
-    integrator: "Euler" (semi-implicit) or "implicitfast"; nothing here has damping: they differ by rounding only, which
-        the last moments before the release, on an edge of the block, amplify to 0.02 rad at touch-down.
-    impratio: stiffness of friction over that of the normal direction; above 1 friction creeps less.
-    noslip_iterations: passes that remove what creep is left; 0 for none: they cost sliding friction half a percent.
-    time_constant: decay [s] of a penetration (solref); at least twice the step, or contact is no longer stable.
-        2 ms lets the block sink 0.4 µm under its weight, as the rubber's modulus of 1 MPa lets it sink 0.7 µm.
-    damping_ratio: 1 for critical damping: no rebound, as Drake's dissipation of 20 s/m leaves next to none.
-    impedance: share of the contact force that is a constraint, 0 to 1 (solimp, constant); the rest is compliance.
-    condim: 3 for normal and tangential forces, 4 adds friction against spinning, 6 against rolling; the corners of a
-        face resist spinning by themselves, so 3 is enough.
-    settle: time of the hold [s] in which the block comes to rest before the motion starts.
+    What has one value only stands in `mjcf`: the integrator is "Euler" (nothing has damping: "implicitfast" differs by
+    rounding, which the last moments before the release, on an edge of the block, amplify to 0.02 rad at touch-down);
+    no noslip iterations, which cost sliding friction half a percent; damping ratio 1, no rebound, as Drake's
+    dissipation of 20 s/m leaves next to none; condim 3, as the corners of a face resist spinning by themselves.
+
+    Args:
+        timestep: longest step [s]; a whole number of steps fills the recording's period.
+        cone: "elliptic" is Coulomb's; "pyramidal" has four faces and lets less friction through along the diagonals.
+        impratio: stiffness of friction over that of the normal direction; above 1 friction creeps less.
+        time_constant: decay [s] of a penetration (solref); at least twice the step, or contact is no longer stable.
+            2 ms lets the block sink 0.4 µm under its weight, as the rubber's modulus of 1 MPa lets it sink 0.7 µm.
+        impedance: share of the contact force that is a constraint, 0 to 1 (solimp, constant); the rest is compliance.
+        settle: time of the hold [s] in which the block comes to rest before the motion starts.
     """
 
     timestep: float = 1e-4
     cone: str = "elliptic"
-    integrator: str = "Euler"
     impratio: float = 100.0
-    noslip_iterations: int = 0
     time_constant: float = 2e-3
-    damping_ratio: float = 1.0
     impedance: float = 0.99
-    condim: int = 3
     settle: float = 0.3
 
     def __post_init__(self) -> None:
-        choices = {"cone": ("elliptic", "pyramidal"), "integrator": ("Euler", "implicitfast"), "condim": (3, 4, 6)}
-        ranges = {
-            "timestep": (1e-6, 1e-2),
-            "impratio": (1e-3, 1e3),
-            "noslip_iterations": (0, 1000),
-            "time_constant": (2 * self.timestep, 1.0),
-            "damping_ratio": (1e-3, 1e3),
-            "impedance": (0.01, 0.9999),
-            "settle": (0.0, 100.0),
-        }
-        valid = {name: getattr(self, name) in among for name, among in choices.items()}
-        valid |= {name: low <= getattr(self, name) <= high for name, (low, high) in ranges.items()}
-        for name in [name for name, good in valid.items() if not good]:
-            allowed = " or ".join(map(str, choices[name])) if name in choices else "{:g} to {:g}".format(*ranges[name])
-            raise InputError(f"MuJoCo setting '{name}' = {getattr(self, name)!r} is not valid; valid is {allowed}")
+        if self.cone not in CONES:
+            raise InputError.of("MuJoCo setting 'cone'", self.cone, CONES)
+        for name, (low, high) in (RANGES | {"time_constant": (2 * self.timestep, 1.0)}).items():
+            if not low <= getattr(self, name) <= high:
+                raise InputError.of(f"MuJoCo setting '{name}'", getattr(self, name), f"{low:g} to {high:g}")
 
     def settings_text(self) -> str:
         """The contact settings in one line, for a report."""
         return (
-            f"MuJoCo, step {self.timestep * 1e3:g} ms, {self.integrator}, {self.cone} cone, impratio {self.impratio:g},"
-            f" {self.noslip_iterations} noslip iterations, solref {self.time_constant * 1e3:g} ms /"
-            f" {self.damping_ratio:g}, solimp {self.impedance:g}, condim {self.condim}"
+            f"MuJoCo, step {self.timestep * 1e3:g} ms, Euler, {self.cone} cone, impratio {self.impratio:g}, 0 noslip"
+            f" iterations, solref {self.time_constant * 1e3:g} ms / 1, solimp {self.impedance:g}, condim 3"
         )
 
 
@@ -97,12 +84,12 @@ def blade_motion(recording: Recording, time: Floats, point: Floats) -> tuple[Flo
     step = float(time[1] - time[0])
     spline = CubicSpline(recording["time"].values, continuous(recording["tool_pose"].values))
     pose = spline(np.concatenate([[time[0] - step], time]))
-    q = pose[:, :4] / np.linalg.norm(pose[:, :4], axis=1, keepdims=True)
-    w, v = q[:, :1], q[:, 1:]
-    place = pose[:, 4:] + point + 2 * np.cross(v, np.cross(v, point) + w * point)
-    # vector part of 2 q* q' / h, for a small turn from q to q'
-    spin = 2 * (w[:-1] * v[1:] - w[1:] * v[:-1] - np.cross(v[:-1], v[1:])) / step
-    return np.hstack([place, q])[1:], np.hstack([np.diff(place, axis=0) / step, spin])
+    turns = rotations(pose)
+    place = pose[:, 4:] + turns.apply(point)
+    # 2 / h times the vector part of the turn from each pose to the next: small turns
+    spin = 2 * (turns[:-1].inv() * turns[1:]).as_quat(canonical=True)[:, :3] / step
+    qpos = np.hstack([place, turns.as_quat(scalar_first=True)])
+    return qpos[1:], np.hstack([np.diff(place, axis=0) / step, spin])
 
 
 def replay_in_mujoco(recording: Recording, settings: Settings | None = None) -> Recording:
@@ -136,7 +123,8 @@ def replay_in_mujoco(recording: Recording, settings: Settings | None = None) -> 
 
     data.qpos[:7], data.qvel[:6] = qpos[0], qvel[0]
     data.qpos[7:] = np.roll(recording["block_pose"].values[first], 3)
-    data.qvel[6:] = [*qvel[0, :3], *_turned(mujoco, qvel[0, 3:], qpos[0, 3:], data.qpos[10:])]
+    blade, block = rotations(np.array([qpos[0, 3:], data.qpos[10:]]))
+    data.qvel[6:] = [*qvel[0, :3], *(block.inv() * blade).apply(qvel[0, 3:])]  # at rest on the blade, in its own axes
     poses, forces = recording["block_pose"].values.copy(), recording["contact_force"].values.copy()
     blade_error = 0.0
     for k in range(first, len(time)):
@@ -189,56 +177,43 @@ def mjcf(scenario: Scenario, settings: Settings, step: float, origin: Floats) ->
 
     step [s]; origin: of the blade's body, in the tool frame [m].
     """
-    tool, thing, table = scenario.tool, scenario.object, scenario.table
-    plate = ElementTree.fromstring(assets.table_sdf()).findtext(".//collision/geometry/box/size") or ""
-    table_size = np.array([float(edge) for edge in plate.split()])
-    block_size = np.array([thing.width, thing.length, thing.thickness])
-    blade_size = np.array([tool.blade_length, tool.blade_width, tool.blade_thickness])
+    tool, block, table = scenario.tool, scenario.object, scenario.table
+    plate = table_size()
     blade_centre = np.array([0.0, 0.0, -tool.blade_thickness / 2])
-    top = (scenario.task.start_x, scenario.task.target_y, table.height - table_size[2] / 2)
-    inertia = assets.box_inertia(thing.mass, block_size.tolist())
+    top = (scenario.task.start_x, scenario.task.target_y, table.height - plate[2] / 2)
+    inertia = box_inertia(block.mass, block.size)
     # 2ab/(a + b), as Drake combines them; the spatula has the friction of the object (`parts.add_parts`): a = b there
-    on_table = 2 * thing.friction * table.friction / (thing.friction + table.friction)
-    solref = _text((settings.time_constant, settings.damping_ratio))
-    solimp = _text((settings.impedance, settings.impedance, 1e-3, 0.5, 2.0))
-    contact = f'condim="{settings.condim}" solref="{solref}" solimp="{solimp}"'
-    # torsional and rolling friction, which only condim 4 and 6 use, keep MuJoCo's defaults of 5 mm and 0.1 mm;
+    on_table = 2 * block.friction * table.friction / (block.friction + table.friction)
+    solref = spaced((settings.time_constant, 1.0))
+    solimp = spaced((settings.impedance, settings.impedance, 1e-3, 0.5, 2.0))
+    contact = f'condim="3" solref="{solref}" solimp="{solimp}"'
     # contype and conaffinity 0: nothing touches but the pairs that are named
     return f"""<mujoco>
-  <option timestep="{step!r}" gravity="0 0 -9.81" integrator="{settings.integrator}" cone="{settings.cone}"
-          impratio="{float(settings.impratio)!r}" noslip_iterations="{settings.noslip_iterations}" solver="Newton"
-          iterations="100" tolerance="1e-12" noslip_tolerance="1e-12"><flag autoreset="disable"/></option>
+  <option timestep="{step!r}" gravity="0 0 -9.81" integrator="Euler" cone="{settings.cone}"
+          impratio="{float(settings.impratio)!r}" solver="Newton"
+          iterations="100" tolerance="1e-12"><flag autoreset="disable"/></option>
   <default><geom type="box" contype="0" conaffinity="0"/></default>
   <worldbody>
-    <geom name="table" size="{_text(table_size / 2)}" pos="{_text(top)}"/>
+    <geom name="table" size="{spaced(plate / 2)}" pos="{spaced(top)}"/>
     <body name="blade"><freejoint/>
-      <inertial pos="0 0 0" mass="{BLADE_MASS!r}" diaginertia="{_text([BLADE_MASS] * 3)}"/>
-      <geom name="blade" size="{_text(blade_size / 2)}" pos="{_text(blade_centre - origin)}"/></body>
+      <inertial pos="0 0 0" mass="{BLADE_MASS!r}" diaginertia="{spaced([BLADE_MASS] * 3)}"/>
+      <geom name="blade" size="{spaced(np.array(tool.blade_size) / 2)}" pos="{spaced(blade_centre - origin)}"/></body>
     <body name="block"><freejoint/>
-      <inertial pos="0 0 0" mass="{thing.mass!r}" diaginertia="{_text(inertia)}"/>
-      <geom name="block" size="{_text(block_size / 2)}"/></body>
+      <inertial pos="0 0 0" mass="{block.mass!r}" diaginertia="{spaced(inertia)}"/>
+      <geom name="block" size="{spaced(np.array(block.size) / 2)}"/></body>
   </worldbody>
   <contact>
-    <pair geom1="blade" geom2="block" friction="{thing.friction!r} {thing.friction!r}" {contact}/>
+    <pair geom1="blade" geom2="block" friction="{block.friction!r} {block.friction!r}" {contact}/>
     <pair geom1="table" geom2="block" friction="{on_table!r} {on_table!r}" {contact}/>
   </contact>
 </mujoco>"""
-
-
-def _turned(mujoco: Any, vector: Floats, old: Floats, new: Floats) -> Floats:
-    """A vector given in the axes of one quaternion, in those of another."""
-    inverse, result = np.empty(4), np.empty(3)
-    mujoco.mju_negQuat(inverse, new)
-    mujoco.mju_mulQuat(inverse, inverse, old)
-    mujoco.mju_rotVecQuat(result, vector, inverse)
-    return result
 
 
 def _mujoco() -> Any:
     try:
         return importlib.import_module("mujoco")
     except ImportError:
-        raise InputError("the second engine needs MuJoCo: pip install 'flipdiagram[bench]'") from None
+        raise InputError("the second engine needs MuJoCo: pip install 'flipdiagram[mujoco]'") from None
 
 
 def _scenario_of(recording: Recording) -> Scenario:
@@ -248,7 +223,3 @@ def _scenario_of(recording: Recording) -> Scenario:
     if bad:
         raise InputError(f"the recording lacks finite {', '.join(bad)}; valid is one that `simulate` returns")
     return from_yaml(recording.attrs["scenario"], "scenario of the recording")
-
-
-def _text(values: Iterable[float]) -> str:
-    return " ".join(repr(float(value)) for value in values)

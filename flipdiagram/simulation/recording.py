@@ -8,6 +8,7 @@ forces belong to the step that begins at t_k; a[k] = (v[k+1] − v[k]) / T is th
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -21,11 +22,30 @@ from flipdiagram.robot.arm import ArmModel
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.theory import contact
 
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
 AXIS = ["y", "z", "theta"]
 POSE = ["qw", "qx", "qy", "qz", "x", "y", "z"]
 
-REPLANNING = {"solve_time": "s", "iterations": "1", "status": "1", "cone_margin": "rad"}
-"""Signals of an MPC that replans, with their units; see `blocks.receding_horizon.Status` for the status."""
+AXES, JOINTS, POSES = ("time", "axis"), ("time", "joint"), ("time", "pose")
+SIGNALS = {
+    **dict.fromkeys(("x_cmd", "x"), (AXES, "m, m, rad")),
+    **dict.fromkeys(("v_cmd", "v"), (AXES, "m/s, m/s, rad/s")),
+    **dict.fromkeys(("a_cmd", "a"), (AXES, "m/s2, m/s2, rad/s2")),
+    "q": (JOINTS, "rad"),
+    "qd": (JOINTS, "rad/s"),
+    **dict.fromkeys(("tau", "tau_dis"), (JOINTS, "N m")),
+    **dict.fromkeys(("tool_pose", "block_pose"), (POSES, "1, 1, 1, 1, m, m, m")),
+    **dict.fromkeys(("sliding_angle", "sliding_angle_cmd"), (("time",), "rad")),
+    "contact_force": (("time", "pair", "direction"), "N"),
+    # of an MPC that replans; see `blocks.receding_horizon.Status` for the status
+    "solve_time": (("time",), "s"),
+    "iterations": (("time",), "1"),
+    "status": (("time",), "1"),
+    "cone_margin": (("time",), "rad"),
+}
+"""Dimensions and units of each signal; one unit per axis or entry of a pose where they differ."""
 
 Recording = xr.Dataset
 SCHEMA = "flipdiagram/recording/1"
@@ -39,76 +59,64 @@ def assemble(
     arm: ArmModel,
     plan: Plan | Command,
 ) -> Recording:
-    """Build the Dataset from logged signals, each (channels, samples): x_cmd, v_cmd, a_cmd, q, qd, tau, block_pose,
-    contact_force and, where the architecture has it, tau_dis.
+    """The Dataset of logged signals; positions, velocities and poses of the tool come from q and qd.
+
+    Args:
+        signals: each (channels, samples): x_cmd, v_cmd, a_cmd, q, qd, tau, block_pose, contact_force and, where the
+            architecture has it, tau_dis; solve_time and so on of an MPC that replans.
+        time: (samples,) [s], 0 at the start of the motion.
+        scenario: what was simulated.
+        architecture: which of the four controllers.
+        arm: the controller's model of the arm.
+        plan: the motion that was followed in the end.
     """
-    n = arm.n_joints
-    q, qd = signals["q"].T, signals["qd"].T
     samples = len(time)
-    x, v = np.empty((samples, 3)), np.empty((samples, 3))
-    tool = np.empty((samples, 7))
-    for k in range(samples):
-        six_x, six_v = arm.task_position_velocity(q[k], qd[k])
+    x, v, tool = np.empty((samples, 3)), np.empty((samples, 3)), np.empty((samples, 7))
+    for k, (q, qd) in enumerate(zip(signals["q"].T, signals["qd"].T, strict=True)):
+        six_x, six_v = arm.task_position_velocity(q, qd)
         x[k], v[k] = six_x[:3], six_v[:3]
-        pose = arm.X_WT(q[k])
-        tool[k] = [*pose.rotation().ToQuaternion().wxyz(), *pose.translation()]
+        X_WT = arm.X_WT(q)
+        tool[k] = [*X_WT.rotation().ToQuaternion().wxyz(), *X_WT.translation()]
     a = np.diff(v, axis=0, append=v[-1:]) / scenario.controller.period
-    a_cmd = signals["a_cmd"][:3].T
-    joint, axis = ("time", "joint"), ("time", "axis")
-    mixed = "m, m, rad"
-    variables = {
-        "x_cmd": (axis, signals["x_cmd"][:3].T, mixed),
-        "v_cmd": (axis, signals["v_cmd"][:3].T, "m/s, m/s, rad/s"),
-        "a_cmd": (axis, a_cmd, "m/s2, m/s2, rad/s2"),
-        "x": (axis, x, mixed),
-        "v": (axis, v, "m/s, m/s, rad/s"),
-        "a": (axis, a, "m/s2, m/s2, rad/s2"),
-        "q": (joint, q, "rad"),
-        "qd": (joint, qd, "rad/s"),
-        "tau": (joint, signals["tau"].T, "N m"),
-        "tau_dis": (joint, signals.get("tau_dis", np.zeros((n, samples))).T, "N m"),
-        "tool_pose": (("time", "pose"), continuous(tool), "1, 1, 1, 1, m, m, m"),
-        "block_pose": (("time", "pose"), continuous(signals["block_pose"].T), "1, 1, 1, 1, m, m, m"),
-        "sliding_angle": (("time",), contact.sliding_angle(a[:, :2], x[:, 2]), "rad"),
-        "sliding_angle_cmd": (("time",), contact.sliding_angle(a_cmd[:, :2], x[:, 2]), "rad"),
-        "contact_force": (("time", "pair", "direction"), signals["contact_force"].T.reshape(samples, 3, 3), "N"),
-    }
+    values = {name: signals[name][:3].T for name in ("x_cmd", "v_cmd", "a_cmd")} | {"x": x, "v": v, "a": a}
+    values |= {name: signals[name].T for name in ("q", "qd", "tau")}
+    values["tau_dis"] = signals.get("tau_dis", np.zeros((arm.n_joints, samples))).T
+    values |= {"tool_pose": continuous(tool), "block_pose": continuous(signals["block_pose"].T)}
+    values["sliding_angle"] = contact.sliding_angle(a[:, :2], x[:, 2])
+    values["sliding_angle_cmd"] = contact.sliding_angle(values["a_cmd"][:, :2], x[:, 2])
+    values["contact_force"] = signals["contact_force"].T.reshape(samples, 3, 3)
+    values |= {name: signals[name][0] for name in SIGNALS if name in signals and name not in values}
+    labels = {"joint": list(arm.joint_names), "pair": list(CONTACT_PAIRS), "direction": ["x", "y", "z"]}
     data = xr.Dataset(
         {
-            name: (dims, np.ascontiguousarray(values), {"units": units})
-            for name, (dims, values, units) in variables.items()
+            name: (SIGNALS[name][0], np.array(array, order="C"), {"units": SIGNALS[name][1]})
+            for name, array in values.items()
         },
-        coords={
-            "time": ("time", time, {"units": "s"}),
-            "axis": AXIS,
-            "joint": list(arm.joint_names),
-            "pose": POSE,
-            "pair": list(CONTACT_PAIRS),
-            "direction": ["x", "y", "z"],
-        },
-        attrs={
-            "schema": SCHEMA,
-            **{f"{name}_version": number for name, number in versions().items()},
-            "architecture": architecture,
-            "start_y_m": scenario.task.start_y,
-            "release_time_s": plan.release_time,
-            "touchdown_time_s": plan.touchdown_time,
-            "end_time_s": plan.end_time,
-            "friction_angle_rad": float(contact.friction_angle(scenario.object.friction)),
-            "table_height_m": scenario.table.height,
-            "target_y_m": scenario.task.target_y,
-            "alpha_1_m2": scenario.planner.alpha,
-            "beta_s2_m2": scenario.planner.beta,
-            "scenario": scenario.to_yaml(),
-        },
+        coords={"time": ("time", time, {"units": "s"}), "axis": AXIS, "pose": POSE, **labels},
+        attrs=_attributes(scenario, architecture, plan),
     )
-    for name, units in REPLANNING.items():
-        if name in signals:
-            data[name] = (("time",), signals[name][0].copy(), {"units": units})
     data["tau"].attrs["limit"] = [float(limit) for limit in arm.tau_max]  # [N m], of each joint
     if "tau_dis" not in signals:
         data["tau_dis"].attrs["note"] = "this architecture has no disturbance observer"
     return data
+
+
+def _attributes(scenario: Scenario, architecture: str, plan: Plan | Command) -> dict[str, Any]:
+    return {
+        "schema": SCHEMA,
+        **{f"{name}_version": number for name, number in versions().items()},
+        "architecture": architecture,
+        "start_y_m": scenario.task.start_y,
+        "release_time_s": plan.release_time,
+        "touchdown_time_s": plan.touchdown_time,
+        "end_time_s": plan.end_time,
+        "friction_angle_rad": float(contact.friction_angle(scenario.object.friction)),
+        "table_height_m": scenario.table.height,
+        "target_y_m": scenario.task.target_y,
+        "alpha_1_m2": scenario.planner.alpha,
+        "beta_s2_m2": scenario.planner.beta,
+        "scenario": scenario.to_yaml(),
+    }
 
 
 def continuous(poses: Floats) -> Floats:
@@ -118,26 +126,21 @@ def continuous(poses: Floats) -> Floats:
     return np.hstack([poses[:, :4] * sign[:, None], poses[:, 4:]])
 
 
+def rotations(poses: Floats) -> Rotation:
+    """The rotations of poses (N, 7) into the world."""
+    from scipy.spatial.transform import Rotation  # a tenth of a second, and planning does without
+
+    return Rotation.from_quat(poses[:, :4], scalar_first=True)
+
+
 def roll(poses: Floats) -> Floats:
     """Unwrapped roll about the base's x axis [rad] of poses (N, 7); starts in (−π, π]."""
+    # as logged, not by `rotations`: the norm of the block's quaternions drifts by 4e-3, and published numbers keep it
     w, x, y, z = poses[:, :4].T
     return np.unwrap(np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)))
 
 
-def tool_axes(data: Recording) -> Floats:
-    """The tool's axes x, s, n as rows, in world axes, shape (time, 3, 3)."""
-    w, x, y, z = data["tool_pose"].values[:, :4].T
-    axes = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
-            [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
-            [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    return np.moveaxis(axes, -1, 0)
-
-
 def in_tool(data: Recording) -> Floats:
     """Position of the block's centre in the tool frame (x, s, n) [m], shape (time, 3)."""
-    offset = data["block_pose"].values[:, 4:] - data["tool_pose"].values[:, 4:]
-    return np.einsum("tij,tj->ti", tool_axes(data), offset)
+    tool = data["tool_pose"].values
+    return rotations(tool).apply(data["block_pose"].values[:, 4:] - tool[:, 4:], inverse=True)

@@ -42,22 +42,42 @@ def simulate(
     architecture: str = "pd+ff+dob",
     plan: Plan | None = None,
     progress: Callable[[float], None] | None = None,
-    loop: Loop | None = None,
     replace: Mapping[str, Box] | None = None,
-    pace: Callable[[float], None] | None = None,
 ) -> Run:
     """Hold, motion, release, touch-down and settling of one flip.
 
-    plan: the motion to follow; without one the MPC plans when the run starts.  progress: called with the fraction
-    done.  loop: one built with record=True for the same scenario and architecture, to be used again.  replace: boxes of
-    the user's own, as for `build_loop`.  pace: called with the simulated time every `FRAME`,
-    to hold the simulation back.  Raises InputError for a bad scenario, PlanningError
-    where there is no motion, SimulationError where the simulation diverges.
+    Args:
+        scenario: what is simulated.
+        architecture: one of `ARCHITECTURES`.
+        plan: the motion to follow; without one the MPC plans when the run starts.
+        progress: called with the fraction done.
+        replace: boxes of the user's own, as for `build_loop`.
+
+    Raises:
+        InputError: for a bad scenario.
+        PlanningError: where there is no motion.
+        SimulationError: where the simulation diverges.
     """
-    if loop is None:
-        loop = build_loop(scenario, architecture, record=True, replace=replace)
-    _check_loop(loop, scenario, architecture, replace)
-    context = loop.context(plan)
+    return simulate_loop(build_loop(scenario, architecture, record=True, replace=replace), plan, progress)
+
+
+def simulate_loop(
+    loop: Loop,
+    plan: Plan | None = None,
+    progress: Callable[[float], None] | None = None,
+    pace: Callable[[float], None] | None = None,
+) -> Run:
+    """One flip of a loop that was built with record=True, from a context of its own; see `simulate`.
+
+    Args:
+        loop: the loop; it may be simulated again and again.
+        plan: the motion to follow.
+        progress: called with the fraction done.
+        pace: called with the simulated time [s] every `FRAME`, to hold the simulation back.
+    """
+    if not loop.logs:
+        raise InputError("loop records nothing; valid is one of build_loop(..., record=True)", field="loop", value=loop)
+    scenario, context = loop.scenario, loop.context(plan)
     simulator = Simulator(loop.diagram, context)
     simulator.Initialize()
     plan = loop.mpc.plan(loop.mpc.GetMyContextFromRoot(context))
@@ -91,17 +111,6 @@ def _followed(loop: Loop, context: Context, plan: Plan) -> Plan | Command:
     if not isinstance(loop.mpc, RecedingHorizonController):
         return plan
     return loop.mpc.last_command(loop.mpc.GetMyContextFromRoot(context)) or plan
-
-
-def _check_loop(loop: Loop, scenario: Scenario, architecture: str, replace: Mapping[str, Box] | None) -> None:
-    if loop.architecture != architecture:
-        raise InputError(f"loop is one of '{loop.architecture}'; valid is one of '{architecture}'")
-    if loop.scenario != scenario:
-        raise InputError("loop was built for another scenario; valid is one for the scenario that is simulated")
-    if not loop.logs:
-        raise InputError("loop records nothing; valid is one of build_loop(..., record=True)")
-    if replace and set(replace) != set(loop.replaced):
-        raise InputError(f"loop has {list(loop.replaced)} replaced; valid is {list(replace)}, or no `loop`")
 
 
 def _advance(simulator: Simulator, until: float) -> None:

@@ -43,22 +43,6 @@ def friction_angle(mu: ArrayLike) -> Floats:
     return np.arctan(np.asarray(mu, dtype=float))
 
 
-def max_static_friction(mu: ArrayLike, mass: ArrayLike, inclination: ArrayLike) -> Floats:
-    """Largest static friction force on a tool held still at an inclination, eq. (6): F = μ m |g| cos ϕ [N]."""
-    inclination = np.asarray(inclination, dtype=float)
-    return np.asarray(mu, dtype=float) * np.asarray(mass, dtype=float) * abs(GRAVITY_Z) * np.cos(inclination)
-
-
-def external_force(acceleration: ArrayLike, mass: float, inertia: float) -> Floats:
-    """Gravity and inertial force on the object, eq. (1): F = **m** g − **m** a.
-
-    acceleration (..., 3) = (a_y [m/s²], a_z [m/s²], a_θ [rad/s²]); mass [kg]; inertia I_θ [kg·m²].
-    Returns (..., 3) = (F_y [N], F_z [N], torque [N·m]).
-    """
-    gravity = np.array([0.0, GRAVITY_Z, 0.0])
-    return np.array([mass, mass, inertia]) * (gravity - np.asarray(acceleration, dtype=float))
-
-
 def resultant(acceleration: ArrayLike) -> Floats:
     """Resultant i = g − a of gravity and inertia per unit mass, eq. (10); acceleration (..., 2) [m/s²]."""
     return np.array([0.0, GRAVITY_Z]) - np.asarray(acceleration, dtype=float)
@@ -69,14 +53,9 @@ def sliding_angle(acceleration: ArrayLike, theta: ArrayLike) -> Floats:
 
     acceleration (..., 2) [m/s²], θ (...) [rad]; returns φ in [−π, π) [rad].  Conditions (7)–(9) read its modulus.
     """
-    return resultant_polar(acceleration, theta)[1]
-
-
-def resultant_polar(acceleration: ArrayLike, theta: ArrayLike) -> tuple[Floats, Floats]:
-    """Magnitude and sliding angle (I, φ) of an acceleration: the inverse of eq. (12); I ≥ 0 [m/s²], φ [rad]."""
     i = resultant(acceleration)
     angle = np.arctan2(i[..., 0], -i[..., 1]) - np.asarray(theta, dtype=float)
-    return np.hypot(i[..., 0], i[..., 1]), (angle + np.pi) % (2 * np.pi) - np.pi
+    return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
 def acceleration(magnitude: ArrayLike, phi: ArrayLike, theta: ArrayLike) -> Floats:
@@ -105,17 +84,6 @@ def contact_force(acceleration: ArrayLike, theta: ArrayLike) -> tuple[Floats, Fl
     return np.sum(lift * tool_tangent(theta), axis=-1), np.sum(lift * tool_normal(theta), axis=-1)
 
 
-def friction_margin(acceleration: ArrayLike, theta: ArrayLike, mu: ArrayLike) -> Floats:
-    """Distance to the border of the cone (7), μ N − |F_s| per unit mass [m/s²]; negative where the object slides."""
-    tangential, normal = contact_force(acceleration, theta)
-    return np.asarray(mu, dtype=float) * normal - np.abs(tangential)
-
-
-def normal_margin(acceleration: ArrayLike, theta: ArrayLike, minimum: ArrayLike = 0.0) -> Floats:
-    """How far the normal force per unit mass exceeds a minimum [m/s²]; negative where the object would lift off."""
-    return contact_force(acceleration, theta)[1] - np.asarray(minimum, dtype=float)
-
-
 def centre_of_pressure(acceleration: ArrayLike, theta: ArrayLike, height: float, gyration: float) -> Floats:
     """Where the contact force acts on the tool surface, measured along s from below the object's centre [m].
 
@@ -131,10 +99,3 @@ def centre_of_pressure(acceleration: ArrayLike, theta: ArrayLike, height: float,
     with np.errstate(divide="ignore", invalid="ignore"):
         centre = (gyration * a[..., 2] - height * tangential) / normal
     return np.where(normal > 0, centre, np.nan)
-
-
-def support_margin(
-    acceleration: ArrayLike, theta: ArrayLike, height: float, gyration: float, half_length: float
-) -> Floats:
-    """Distance of the centre of pressure to the nearer edge of the object [m]; negative or nan where it tips."""
-    return half_length - np.abs(centre_of_pressure(acceleration, theta, height, gyration))

@@ -26,7 +26,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import reduce
 from typing import Any, Literal
 
 import numpy as np
@@ -39,33 +38,25 @@ from flipdiagram.errors import InputError, SimulationError
 
 @dataclass(frozen=True)
 class Loop1Dof:
-    """One architecture with one realisation of its observer, as numbers.
+    """One architecture with one realisation of its observer, as numbers; InputError for a bad one."""
 
-    mass m [kg], k_p [1/s²], k_v [1/s]; g_dis [rad/s], 0 without the observer; nominal_mass m_n in the observer [kg];
-    reference_mass m_ref [kg]; velocity_cutoff g_v [rad/s] or None; feedforward: what is fed forward, if anything;
-    acceleration_cutoff g_a [rad/s] of the measured acceleration; period T [s], 0 for the continuous loop.
-    """
-
-    mass: float
-    k_p: float
-    k_v: float
-    g_dis: float
-    nominal_mass: float
-    reference_mass: float
-    velocity_cutoff: float | None = None
-    feedforward: Literal["none", "command", "measured"] = "none"
-    acceleration_cutoff: float = math.inf
-    period: float = 0.0
+    mass: float  # m [kg]
+    k_p: float  # [1/s²]
+    k_v: float  # [1/s]
+    g_dis: float  # [rad/s], 0 without the observer
+    nominal_mass: float  # m_n in the observer [kg]
+    reference_mass: float  # m_ref [kg]
+    velocity_cutoff: float | None = None  # g_v [rad/s]; None: measured exactly
+    feedforward: Literal["none", "command", "measured"] = "none"  # of the acceleration
+    acceleration_cutoff: float = math.inf  # g_a of the measured acceleration [rad/s]
+    period: float = 0.0  # T [s], 0 for the continuous loop
 
     def __post_init__(self) -> None:
-        for name in ("mass", "reference_mass"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise InputError(f"{name} = {getattr(self, name)} kg; it must be finite and > 0")
-        for name in ("k_p", "k_v", "g_dis", "nominal_mass", "period"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
-                raise InputError(f"{name} = {getattr(self, name)}; it must be finite and >= 0")
-        if self.feedforward == "measured" and not 0 < self.acceleration_cutoff < math.inf:
-            raise InputError(f"acceleration_cutoff = {self.acceleration_cutoff} rad/s; it must be finite and > 0")
+        above = ("mass", "reference_mass", *(["acceleration_cutoff"] if self.feedforward == "measured" else []))
+        for name in (*above, "k_p", "k_v", "g_dis", "nominal_mass", "period"):
+            value = getattr(self, name)
+            if not math.isfinite(value) or value < 0 or (value == 0 and name in above):
+                raise InputError.of(name, value, f"finite and {'above 0' if name in above else 'at least 0'}")
 
     def command(self, omega: ArrayLike) -> Complex:
         """X/X_cmd at ω [rad/s], any shape: position response to x_cmd = −sin ωt with its v_cmd and a_cmd."""
@@ -96,32 +87,21 @@ class Loop1Dof:
 
     def poles(self) -> Complex:
         """Poles as s [rad/s], z = e^{sT} for the sampled loop; roots of Δ with its denominators multiplied out."""
-        gamma, T = Polynomial([0.0, 1.0]), self.period
+        gamma, one, T = Polynomial([0.0, 1.0]), Polynomial([1.0]), self.period
         half = Polynomial([1.0, T / 2])
-        observer = gamma + _cutoff(self.g_dis, T)
-        # Δ = m γ² / half + m_ref (observer/γ) [k_p + (k_v − D_a) H] + g m_n H, each term as (numerator, denominators)
-        if self.velocity_cutoff is None:
-            numerator_H, denominator_H = gamma, half
-        else:
-            numerator_H = _cutoff(self.velocity_cutoff, T) * gamma
-            denominator_H = gamma + _cutoff(self.velocity_cutoff, T)
-        K = (observer, [gamma]) if self.g_dis else (Polynomial([1.0]), [])
-        derivative = gamma + _cutoff(self.acceleration_cutoff, T) if self.feedforward == "measured" else None
-        H = [denominator_H]
-        terms = [
-            (self.mass * gamma**2, [half]),
-            (self.reference_mass * self.k_p * K[0], K[1]),
-            (self.reference_mass * self.k_v * K[0] * numerator_H, K[1] + H),
-            (self.g_dis * self.nominal_mass * numerator_H, H),
-        ]
-        if derivative is not None:
-            measured = -self.reference_mass * _cutoff(self.acceleration_cutoff, T) * gamma * K[0] * numerator_H
-            terms.append((measured, [*K[1], *H, derivative]))
-        common = [half, *K[1], *([] if denominator_H is half else H), *([derivative] if derivative is not None else [])]
-        total = Polynomial([0.0])
-        for numerator, denominators in terms:
-            rest = [factor for factor in common if not any(factor is other for other in denominators)]
-            total = total + reduce(lambda a, b: a * b, rest, numerator)
+        # numerator and denominator of K, H and D_a; other: what of Δ's common denominator is not in those three
+        n_K, d_K = (gamma + _cutoff(self.g_dis, T), gamma) if self.g_dis else (one, one)
+        n_H, d_H, other = gamma, half, one
+        if self.velocity_cutoff is not None:
+            G_v = _cutoff(self.velocity_cutoff, T)
+            n_H, d_H, other = G_v * gamma, gamma + G_v, half
+        n_D, d_D = 0.0 * one, one
+        if self.feedforward == "measured":
+            G_a = _cutoff(self.acceleration_cutoff, T)
+            n_D, d_D = G_a * gamma, gamma + G_a
+        inertial = self.mass * gamma**2 * d_K * d_D * (one if other is one else d_H)
+        feedback = self.reference_mass * n_K * (self.k_p * d_H * d_D + (self.k_v * d_D - n_D) * n_H) * other
+        total = inertial + feedback + self.g_dis * self.nominal_mass * n_H * d_K * d_D * other
         roots = np.asarray(total.trim(0.0).roots(), dtype=complex)
         return roots if T == 0.0 else np.asarray(np.log(1.0 + T * roots) / T, dtype=complex)
 
@@ -136,7 +116,7 @@ class Loop1Dof:
         w, T = np.asarray(omega, dtype=float), self.period
         if not (np.isfinite(w) & (w > 0)).all() or (T > 0 and (w >= math.pi / T).any()):
             top = f" and below π/T = {math.pi / T:.6g}" if T > 0 else ""
-            raise InputError(f"omega = {w.tolist()} rad/s; it must be finite, > 0{top}")
+            raise InputError.of("omega", w.tolist(), f"finite, above 0{top} [rad/s]")
         gamma: Any = 1j * w if T == 0.0 else np.expm1(1j * w * T) / T
         half = 1.0 + gamma * T / 2
         K = (gamma + _cutoff(self.g_dis, T)) / gamma

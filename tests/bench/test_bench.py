@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import statistics
 import subprocess
 import sys
 from pathlib import Path
@@ -28,8 +29,12 @@ def test_the_cheapest_piece_writes_what_it_measured(tmp_path):
     measured = {m["name"]: m for m in section["measurements"]}
     solve = measured["program.solve()"]
     assert solve["target"] == {"relation": "<", "value": 0.01}
-    assert solve["verdict"] in ("met", "missed")
-    assert 0 < solve["min"] <= solve["median"] <= solve["max"] < 10
+    values = solve["values"]
+    assert (solve["median"], solve["min"], solve["max"]) == (statistics.median(values), min(values), max(values))
+    assert 0 < solve["min"] and solve["max"] < 10
+    # how long it took is the machine's business; what is said of it, here and in the README's table, follows from that
+    verdict = "met" if solve["median"] < 0.01 else "missed"
+    assert solve["verdict"] == verdict
     assert "N = 50" in section["title"]
     if importlib.util.find_spec("clarabel"):
         assert measured["program.solve() / raw"]["unit"] == "x"
@@ -39,6 +44,8 @@ def test_the_cheapest_piece_writes_what_it_measured(tmp_path):
     markdown = (tmp_path / "bench.md").read_text()
     for name in measured:
         assert name in markdown and name in done.stdout
+    (row,) = [line for line in markdown.splitlines() if f"{section['title']}: program.solve() |" in line]
+    assert row.replace("*", "").endswith(f"| < 10.0 ms | {verdict} |")
 
 
 def test_matrices_describe_the_same_problem_as_the_program():

@@ -1,26 +1,51 @@
-"""What holds of every block: no stale outputs, state in the Context, and every scalar its maths allows."""
+"""What holds of every system in `blocks` and `plants`: no stale outputs, honest feed-through, state in the Context, the
+same numbers each time, and every scalar its maths allows."""
 
+import importlib
+import inspect
+import pkgutil
+import re
+from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.plant import ContactResults
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder, LeafSystem, PortDataType
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
+import flipdiagram.blocks
+import flipdiagram.plants
+from flipdiagram.blocks.block import Block
+from flipdiagram.blocks.camera import Camera
+from flipdiagram.blocks.commands import BroadbandNoise, SinusoidalCommand, SinusoidalNoise
 from flipdiagram.blocks.delay import Delay
 from flipdiagram.blocks.feedforward import AccelerationFeedforward
 from flipdiagram.blocks.friction import JointFriction
 from flipdiagram.blocks.gravity import GravityCompensation
 from flipdiagram.blocks.inertia import NominalInertia
 from flipdiagram.blocks.inverse_jacobian import InverseJacobian
+from flipdiagram.blocks.meters import LockIn, Peak, RootMeanSquare
+from flipdiagram.blocks.mpc import ModelPredictiveController
+from flipdiagram.blocks.noise import SensorNoise
 from flipdiagram.blocks.observer import DisturbanceObserver
 from flipdiagram.blocks.pd import ProportionalDerivative
+from flipdiagram.blocks.receding_horizon import RecedingHorizonController, Timing
 from flipdiagram.blocks.sensors import Encoder, PseudoDerivative
 from flipdiagram.blocks.tool_kinematics import ToolKinematics
 from flipdiagram.blocks.torque_limit import TorqueLimit
 from flipdiagram.errors import InputError
+from flipdiagram.planning import plan_motion
+from flipdiagram.plants.cell import ContactForces, add_cell
+from flipdiagram.plants.one_dof import OneDofPlant
+from flipdiagram.plants.push import Push
+from flipdiagram.robot.parts import arm_of
+from flipdiagram.scenario.scenario import Scenario
 
 # NumPy reports the floating-point flags that Drake's symbolic scalars leave behind.
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
@@ -39,13 +64,51 @@ class DiagonalArm:
         return q, qd, self.jacobian, 0.1 * q * qd
 
     def task_position_velocity(self, q: Any, qd: Any) -> Any:
-        return q * np.array([1.0, 2.0]), q + qd
+        return q * np.array([1.0, 2.0]) + 0.1 * qd, q + qd
 
     def gravity_torque(self, q: Any) -> Any:
         return 9.81 * q * np.array([1.0, 2.0])
 
 
-BLOCKS = {
+@cache
+def cell_at_start() -> tuple[Any, Any]:
+    """The cell at the start of a task, and its diagram."""
+    scenario, builder = Scenario(), DiagramBuilder()
+    arm = arm_of(scenario)
+    start = [scenario.task.start_y, scenario.task.start_z, 0.0, scenario.task.start_x, 0.0, 0.0]
+    cell = add_cell(builder, scenario, arm, arm.inverse_kinematics(start))
+    builder.ExportInput(cell.tau, "tau")
+    return cell, builder.Build()
+
+
+@cache
+def plan() -> Any:
+    return plan_motion(Scenario())
+
+
+def camera() -> Camera:
+    parts = cell_at_start()[0].parts
+    return Camera(parts.arm.tool, parts.block, 0.01, 0.02, 1e-3, seed=3)
+
+
+def receding() -> RecedingHorizonController:
+    def again(*arguments: Any) -> Any:
+        return plan()
+
+    timing = Timing(period=0.1, delay=0.02, blend=0.05, early=2.5e-4)
+    return RecedingHorizonController(plan, again, np.zeros(6), timing, joints=6, start_time=0.5)
+
+
+def push() -> Push:
+    return Push(cell_at_start()[0].parts.arm.spatula_body, np.zeros(3), (1.0, 2.0), 1.0, 1.5)
+
+
+def contact_forces() -> ContactForces:
+    cell = cell_at_start()[0]
+    return ContactForces(cell.plant, cell.parts)
+
+
+SYSTEMS = {
     "feedforward": lambda: AccelerationFeedforward(2),
     "pd": lambda: ProportionalDerivative([1.0, 2.0], [3.0, 4.0]),
     "inertia": lambda: NominalInertia([1.0, 2.0]),
@@ -61,79 +124,223 @@ BLOCKS = {
     "longer delay": lambda: Delay(2, 3, 0.01),
     "gravity": lambda: GravityCompensation(DiagonalArm(), [0.5, 1.0], 2),
     "tool kinematics": lambda: ToolKinematics(DiagonalArm(), 2, 2),
+    "sensor noise": lambda: SensorNoise([0.1, 0.2], 5, 0.01),
+    "command": lambda: SinusoidalCommand([1.0, 2.0], [3.0, 4.0]),
+    "sinusoidal noise": lambda: SinusoidalNoise([1.0, 2.0], [3.0, 4.0]),
+    "broadband noise": lambda: BroadbandNoise([1.0, 2.0], 0.01, [3, 4]),
+    "lock-in": lambda: LockIn([1.0, 2.0], 0.01),
+    "peak": lambda: Peak(2, 0.01),
+    "rms": lambda: RootMeanSquare(2, 0.01),
+    "mass": lambda: OneDofPlant([1.0, 2.0], 0.01),
+    "mass with signum": lambda: OneDofPlant([1.0, 2.0], 0.01, "signum", 0.1, 0.05),
+    "mass with stick-slip": lambda: OneDofPlant([1.0, 2.0], 0.01, "stick-slip", 0.1, 0.05),
+    "mpc": lambda: ModelPredictiveController(plan, np.zeros(6), 0.5),
+    "receding horizon": receding,
+    "camera": camera,
+    "contact forces": contact_forces,
+    "push": push,
 }
-every_block = pytest.mark.parametrize("name", BLOCKS)
+NOT_CONVERTIBLE = ("mpc", "receding horizon", "camera", "contact forces", "push")
+"""Each says why in its docstring; so does the one without a formula."""
+NO_FORMULA = ("sensor noise",)
+WITHOUT_EFFECT = {
+    ("mass", "parameter1"): "f_c without friction",
+    ("mass", "parameter2"): "d without friction",
+    ("lock-in", "parameter1"): "both start times lie in the past",
+    ("peak", "parameter0"): "both start times lie in the past",
+    ("rms", "parameter0"): "both start times lie in the past",
+    ("receding horizon", "input0"): "read at events only",
+    ("receding horizon", "input1"): "read at events only",
+    ("receding horizon", "input2"): "read at events only",
+    ("receding horizon", "input3"): "read at events only",
+}
+"""Changes that must leave the results as they are, and why."""
+
+every_system = pytest.mark.parametrize("name", SYSTEMS)
+every_block = pytest.mark.parametrize("name", [name for name in SYSTEMS if name not in NOT_CONVERTIBLE])
 every_offset = pytest.mark.parametrize("offset", [0.0, 0.0075])
 
 
+def our_systems() -> set[type]:
+    """All LeafSystem classes that modules of `blocks` and `plants` hold, by discovery."""
+    classes = set()
+    for package in (flipdiagram.blocks, flipdiagram.plants):
+        for info in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
+            for value in vars(importlib.import_module(info.name)).values():
+                if inspect.isclass(value) and issubclass(value, LeafSystem) and value.__module__ == info.name:
+                    classes.add(value)
+    return classes - {Block}
+
+
+def test_no_system_escapes() -> None:
+    assert our_systems() == {type(make()) for make in SYSTEMS.values()}
+    assert len(our_systems()) >= 25
+
+
 def fill(block: Any, context: Any, seed: int = 0, **other: int) -> None:
-    """Inputs, state and parameters all positive and distinct; ``other`` seeds replace single ones."""
-
-    def numbers(key: str, size: int) -> np.ndarray:
-        return np.random.default_rng([other.get(key, seed), *key.encode()]).uniform(0.2, 1.0, size)
-
+    """Time, inputs, state and parameters all positive and distinct; `other` seeds replace single ones."""
+    context.SetTime(1.0 + numbers("time", 1, seed)[0])
     for i in range(block.num_input_ports()):
-        block.get_input_port(i).FixValue(context, numbers(f"input{i}", 2))
+        fix_input(block, context, i, other.get(f"input{i}", seed))
     for i in range(context.num_numeric_parameter_groups()):
         parameter = context.get_mutable_numeric_parameter(i)
-        parameter.SetFromVector(numbers(f"parameter{i}", parameter.size()))
+        parameter.SetFromVector(numbers(f"parameter{i}", parameter.size(), other.get(f"parameter{i}", seed)))
+    set_state(block, context, other.get("state", seed))
+
+
+def of_class(block: Any, *classes: type) -> bool:
+    """Whether it is of one of these, over any scalar."""
+    return type(block).__name__.split("_")[0] in [known.__name__.split("_")[0] for known in classes]
+
+
+def numbers(key: str, size: int, seed: int) -> np.ndarray:
+    return np.random.default_rng([seed, *key.encode()]).uniform(0.2, 1.0, size)
+
+
+def fix_input(block: Any, context: Any, i: int, seed: int) -> None:
+    port = block.get_input_port(i)
+    if port.get_name() == "poses":
+        turned = [RollPitchYaw(*numbers("angles", 3, seed + k)) for k in range(cell_at_start()[0].plant.num_bodies())]
+        poses = [RigidTransform(angles, numbers("place", 3, seed + k)) for k, angles in enumerate(turned)]
+        port.FixValue(context, Value[list[RigidTransform]](poses))
+    elif port.get_name() == "contact_results":
+        cell, diagram = cell_at_start()
+        own = diagram.CreateDefaultContext()
+        diagram.get_input_port().FixValue(own, np.zeros(6))
+        mine = cell.plant.GetMyMutableContextFromRoot(own)
+        centre = cell.plant.GetFreeBodyPose(mine, cell.parts.block).translation()
+        cell.plant.SetFreeBodyPose(mine, cell.parts.block, RigidTransform(centre - [0.0, 0.0, 1e-4 * (1 + seed)]))
+        results = cell.plant.get_contact_results_output_port().Eval(mine)
+        assert results.num_hydroelastic_contacts() == 1
+        port.FixValue(context, Value[ContactResults](results))
+    else:
+        # an encoder's input spans several of its steps
+        port.FixValue(context, numbers(f"input{i}", port.size(), seed) * (10.0 if of_class(block, Encoder) else 1.0))
+
+
+def set_state(block: Any, context: Any, seed: int) -> None:
     if context.num_discrete_state_groups():
-        context.SetDiscreteState(numbers("state", context.num_total_states()))
+        state = numbers("state", context.num_total_states(), seed)
+        counts = of_class(block, Camera, SensorNoise, BroadbandNoise)
+        context.SetDiscreteState(np.floor(100 * state) if counts else state)
+    if context.num_abstract_states():
+        block.set_plan(context, replace(plan(), states=plan().states + 0.1 * seed, solve_time=0.1 + seed))
 
 
-def results(block: Any, context: Any) -> list[np.ndarray]:
-    values = [block.get_output_port(i).Eval(context) for i in range(block.num_output_ports())]
+def results(block: Any, context: Any) -> np.ndarray:
+    """All outputs and the state after the next update."""
+    values = []
+    for i in range(block.num_output_ports()):
+        value = block.get_output_port(i).Eval(context)
+        if block.get_output_port(i).get_data_type() != PortDataType.kVectorValued:
+            value = np.concatenate([force.F_Bq_W.translational() for force in value])
+        values.append(value)
     if context.num_discrete_state_groups():
         values.append(block.EvalUniquePeriodicDiscreteUpdate(context).get_vector().CopyToVector())
-    return values
+    return np.concatenate(values)
 
 
-@every_block
-def test_no_result_is_stale(name: str) -> None:
-    """After any one change a context that was evaluated before agrees with a fresh one."""
-    block = BLOCKS[name]()
-    used = block.CreateDefaultContext()
+def keys_of(block: Any, context: Any) -> list[str]:
     keys = [f"input{i}" for i in range(block.num_input_ports())]
-    keys += [f"parameter{i}" for i in range(used.num_numeric_parameter_groups())]
-    keys += ["state"] * used.num_discrete_state_groups()
-    for key in keys:
+    keys += [f"parameter{i}" for i in range(context.num_numeric_parameter_groups())]
+    return keys + ["state"] * (context.num_discrete_state_groups() + context.num_abstract_states())
+
+
+def change(block: Any, context: Any, key: str) -> None:
+    """Change that one thing alone, so that nothing else invalidates the cache."""
+    if key == "state":
+        set_state(block, context, 1)
+    elif key.startswith("input"):
+        fix_input(block, context, int(key[-1]), 1)
+    else:
+        parameter = context.get_mutable_numeric_parameter(int(key[-1]))
+        parameter.SetFromVector(numbers(key, parameter.size(), 1))
+
+
+@every_system
+def test_no_result_is_stale(name: str) -> None:
+    """After any one change a context that was evaluated before agrees with a fresh one, and differs from itself."""
+    block = SYSTEMS[name]()
+    used = block.CreateDefaultContext()
+    for key in keys_of(block, used):
         fill(block, used)
         before = results(block, used)
+        change(block, used, key)
         fresh = block.CreateDefaultContext()
         fill(block, fresh, **{key: 1})
-        # change that one thing alone, so that nothing else invalidates the cache
-        if key.startswith("input"):
-            port = block.get_input_port(int(key[-1]))
-            port.FixValue(used, port.Eval(fresh))
-        elif key.startswith("parameter"):
-            number = int(key[-1])
-            value = fresh.get_numeric_parameter(number).CopyToVector()
-            used.get_mutable_numeric_parameter(number).SetFromVector(value)
-        else:
-            used.SetDiscreteState(fresh.get_discrete_state_vector().CopyToVector())
         after = results(block, used)
-        assert np.array_equal(np.concatenate(after), np.concatenate(results(block, fresh))), key
-        assert not np.array_equal(np.concatenate(after), np.concatenate(before)) or name == "encoder", key
+        assert np.array_equal(after, results(block, fresh), equal_nan=True), key
+        assert np.array_equal(after, before) == ((name, key) in WITHOUT_EFFECT), key
+
+
+@every_system
+def test_feedthrough_is_declared_exactly_where_it_is(name: str) -> None:
+    """Without caching, an output changes at once with those inputs alone that Drake is told of."""
+    block = SYSTEMS[name]()
+    for i in range(block.num_input_ports()):
+        context = block.CreateDefaultContext()
+        context.DisableCaching()
+        for j in range(block.num_output_ports()):
+            port = block.get_output_port(j)
+            fill(block, context)
+            before = np.array(port.Eval(context))
+            fix_input(block, context, i, 1)
+            real = not np.array_equal(port.Eval(context), before, equal_nan=True)
+            assert block.HasDirectFeedthrough(i, j) == real, (block.get_input_port(i).get_name(), port.get_name())
+
+
+@every_system
+def test_the_state_is_in_the_context_and_all_is_deterministic(name: str) -> None:
+    """Contexts of one system, and two systems made alike, give the same, whatever was evaluated between."""
+    block, twin = SYSTEMS[name](), SYSTEMS[name]()
+    kept = attributes(block)
+    one, other = block.CreateDefaultContext(), block.CreateDefaultContext()
+    for context in (one, other):
+        context.DisableCaching()
+    fill(block, one)
+    before = results(block, one)
+    fill(block, other, seed=1)
+    results(block, other)
+    assert np.array_equal(results(block, one), before, equal_nan=True)
+    alike = twin.CreateDefaultContext()
+    fill(twin, alike)
+    assert np.array_equal(results(twin, alike), before, equal_nan=True)
+    assert attributes(block) == kept
+
+
+def attributes(block: Any) -> dict[str, Any]:
+    """What is on `self`: the numbers of arrays, and which object each other attribute is."""
+    own = {key: value for key, value in vars(block).items() if not key.startswith("_pydrake")}
+    return {key: value.tolist() if isinstance(value, np.ndarray) else id(value) for key, value in own.items()}
 
 
 @every_block
 @pytest.mark.parametrize("form", ["ToAutoDiffXd", "ToSymbolic"])
 def test_other_scalars_give_the_same_numbers(name: str, form: str) -> None:
-    block = BLOCKS[name]()
+    block = SYSTEMS[name]()
+    if form == "ToSymbolic" and name in NO_FORMULA:
+        assert block.ToSymbolicMaybe() is None and "Expression" in str(type(block).__doc__)
+        return
     context = block.CreateDefaultContext()
     fill(block, context)
     converted = getattr(block, form)()
     other = converted.CreateDefaultContext()
     fill(converted, other)
-    for value, expected in zip(results(converted, other), results(block, context), strict=True):
-        numbers = [v.value() if form == "ToAutoDiffXd" else v.Evaluate() for v in value]
-        assert numbers == pytest.approx(expected, rel=1e-14, abs=1e-15)
+    values = [v.value() if form == "ToAutoDiffXd" else v.Evaluate() for v in results(converted, other)]
+    assert values == pytest.approx(results(block, context), rel=1e-14, abs=1e-15)
+
+
+@pytest.mark.parametrize("name", NOT_CONVERTIBLE)
+def test_what_is_not_converted_says_why(name: str) -> None:
+    block = SYSTEMS[name]()
+    assert block.ToAutoDiffXdMaybe() is None and block.ToSymbolicMaybe() is None
+    assert "Not scalar-convertible: " in str(type(block).__doc__)
 
 
 @every_block
 def test_converted_blocks_keep_ports_sampling_and_defaults(name: str) -> None:
-    block = BLOCKS[name]()
-    converted = block.ToAutoDiffXd().ToSymbolic() if name == "pd" else block.ToSymbolic()
+    block = SYSTEMS[name]()
+    converted = block.ToAutoDiffXd() if name in NO_FORMULA else block.ToAutoDiffXd().ToSymbolic()
     for side in ("input", "output"):
         names = [
             [getattr(s, f"get_{side}_port")(i).get_name() for i in range(getattr(s, f"num_{side}_ports")())]
@@ -143,17 +350,24 @@ def test_converted_blocks_keep_ports_sampling_and_defaults(name: str) -> None:
     assert block.num_continuous_states() == 0
     context, other = block.CreateDefaultContext(), converted.CreateDefaultContext()
     for i in range(context.num_numeric_parameter_groups()):
-        values = [e.Evaluate() for e in other.get_numeric_parameter(i).CopyToVector()]
+        values = [
+            e.Evaluate() if hasattr(e, "Evaluate") else e.value() for e in other.get_numeric_parameter(i).CopyToVector()
+        ]
         assert values == context.get_numeric_parameter(i).CopyToVector().tolist()
     if context.num_discrete_state_groups():
         timings = [s.GetUniquePeriodicDiscreteUpdateAttribute() for s in (block, converted)]
         assert timings[0].period_sec() == timings[1].period_sec() == 0.01
 
 
-@every_block
-def test_every_block_says_what_it_is(name: str) -> None:
-    doc = str(type(BLOCKS[name]()).__doc__)
-    assert "output" in doc and "[" in doc and "(n,)" in doc
+@every_system
+def test_every_system_says_what_it_is(name: str) -> None:
+    """Its ports by their names, with units and shapes."""
+    block = SYSTEMS[name]()
+    doc = str(type(block).__doc__)
+    assert "utput" in doc and "[" in doc and re.search(r"\((n|m|\d+( n)?),\)|p \(3,\)", doc)
+    ports = [block.get_input_port(i) for i in range(block.num_input_ports())]
+    ports += [block.get_output_port(i) for i in range(block.num_output_ports())]
+    assert not [port.get_name() for port in ports if not re.search(rf"\b{port.get_name()}\b", doc)]
 
 
 @every_offset
@@ -165,14 +379,13 @@ def test_a_delay_gives_back_its_input_after_exactly_so_many_periods(offset: floa
     # each value stands from a period before its sample, so that no rounding of k·T decides which one is read
     breaks = period * (np.arange(ticks + 1) - 0.5) + offset
     source = builder.AddSystem(TrajectorySource(PiecewisePolynomial.ZeroOrderHold(breaks, sent)))
-    delay = builder.AddSystem(Delay(2, periods, period, offset))
+    delay = builder.AddSystem(Delay(2, periods, period, offset, [5.0, 6.0]))
     reader = builder.AddSystem(Delay(2, 1, period, offset))
     builder.Connect(source.get_output_port(), delay.get_input_port())
     builder.Connect(delay.get_output_port(), reader.get_input_port())
     diagram = builder.Build()
     simulator = Simulator(diagram)
     context = simulator.get_mutable_context()
-    delay.set_initial_value(delay.GetMyMutableContextFromRoot(context), [5.0, 6.0])
     seen = []
     for k in range(ticks):
         simulator.AdvanceTo(k * period + offset + 0.3 * period)
@@ -191,8 +404,8 @@ def test_gravity_compensation_is_a_fraction_of_the_arms_torque(context_of: Any, 
     block = GravityCompensation(DiagonalArm(), 0.5, 2)
     context = context_of(block, q=[1.0, -3.0])
     assert block.GetOutputPort("tau_gravity").Eval(context) == pytest.approx([4.905, -29.43])
-    block.set_fraction(context, [1.0, 0.0])
+    block.set_parameters(context, fraction=[1.0, 0.0])
     assert block.GetOutputPort("tau_gravity").Eval(context) == pytest.approx([9.81, 0.0])
     assert feedthrough_of(block) == {("q", "tau_gravity")}
     with pytest.raises(InputError, match="fraction"):
-        block.set_fraction(context, -0.1)
+        block.set_parameters(context, fraction=-0.1)

@@ -104,7 +104,7 @@ def test_symbolic_loop_equals_the_simulator_over_200_ticks() -> None:
     simulator = Simulator(diagram)
     context = simulator.get_mutable_context()
     fix_commands(diagram, context)
-    blocks["pd"].set_gains(blocks["pd"].GetMyContextFromRoot(context), k_p=[800.0, 400.0])
+    blocks["pd"].set_parameters(blocks["pd"].GetMyContextFromRoot(context), k_p=[800.0, 400.0])
 
     symbolic = diagram.ToSymbolic()
     symbolic_context = symbolic.CreateDefaultContext()
@@ -135,8 +135,8 @@ def test_gains_can_be_symbols() -> None:
     block = DisturbanceObserver([30.0], [2.0], PERIOD).ToSymbolic()
     context = block.CreateDefaultContext()
     g, m, tau, qd = (Variable(name) for name in ("g", "m", "tau", "qd"))
-    block.set_gain(context, [Expression(g)])
-    block.set_inertia(context, [Expression(m)])
+    block.set_parameters(context, g_dis=[Expression(g)])
+    block.set_parameters(context, inertia=[Expression(m)])
     block.GetInputPort("tau").FixValue(context, np.array([Expression(tau)]))
     block.GetInputPort("qd").FixValue(context, np.array([Expression(qd)]))
     values = {g: 10.0, m: 0.5, tau: 3.0, qd: 0.2}
@@ -156,9 +156,9 @@ def after_ticks(diagram: Any, blocks: dict[str, Any], parameters: np.ndarray, ti
 
     k_p, g_dis, tau_c, x0 = (parameters[i : i + 1] for i in range(4))
     pd, dob, friction = system("pd"), system("dob"), system("friction")
-    pd[0].set_gains(pd[1], k_p=np.append(k_p, 350.0))
-    dob[0].set_gain(dob[1], np.append(g_dis, 20.0))
-    friction[0].set_friction(friction[1], tau_c=np.append(tau_c, 0.5))
+    pd[0].set_parameters(pd[1], k_p=np.append(k_p, 350.0))
+    dob[0].set_parameters(dob[1], g_dis=np.append(g_dis, 20.0))
+    friction[0].set_parameters(friction[1], tau_c=np.append(tau_c, 0.5))
     system("plant")[1].SetDiscreteState(np.append(x0, np.zeros(2 * N - 1)))
     for _ in range(ticks):
         update = diagram.EvalUniquePeriodicDiscreteUpdate(context)

@@ -21,7 +21,7 @@ def test_feedforward_passes_the_command_and_its_gain_is_in_the_context(context_o
     block = AccelerationFeedforward(2)
     context, other = context_of(block, a_cmd=[3.0, -4.0]), context_of(block, a_cmd=[3.0, -4.0])
     assert block.GetOutputPort("a_ff").Eval(context).tolist() == [3.0, -4.0]
-    block.set_gain(context, [0.5, 2.0])
+    block.set_parameters(context, k_ff=[0.5, 2.0])
     assert block.GetOutputPort("a_ff").Eval(context).tolist() == [1.5, -8.0]
     assert block.GetOutputPort("a_ff").Eval(other).tolist() == [3.0, -4.0]
     assert feedthrough_of(block) == {("a_cmd", "a_ff")}
@@ -32,9 +32,9 @@ def test_pd_by_hand(context_of: Any, feedthrough_of: Any) -> None:
     block = ProportionalDerivative([350.0, 2.0], [120.0, 4.0])
     context = context_of(block, x_cmd=[0.10, 1.0], v_cmd=[0.5, 0.0], x=[0.08, 3.0], v=[0.6, -1.0])
     assert block.GetOutputPort("a_ref").Eval(context) == pytest.approx([-5.0, 0.0], abs=1e-12)
-    block.set_gains(context, k_v=0.0)
+    block.set_parameters(context, k_v=0.0)
     assert block.GetOutputPort("a_ref").Eval(context) == pytest.approx([7.0, -4.0])
-    block.set_gains(context, k_p=[0.0, 1.0])
+    block.set_parameters(context, k_p=[0.0, 1.0])
     assert block.GetOutputPort("a_ref").Eval(context) == pytest.approx([0.0, -2.0])
     assert feedthrough_of(block) == {(name, "a_ref") for name in ("x_cmd", "v_cmd", "x", "v")}
 
@@ -54,18 +54,18 @@ def test_nominal_inertia_diagonal(context_of: Any, feedthrough_of: Any) -> None:
     block = NominalInertia([0.5, 1.5])
     context = context_of(block, qdd_ref=[2.0, -2.0])
     assert block.GetOutputPort("tau_ref").Eval(context).tolist() == [1.0, -3.0]
-    block.set_inertia(context, [1.0, 1.0])
+    block.set_parameters(context, inertia=[1.0, 1.0])
     assert block.GetOutputPort("tau_ref").Eval(context).tolist() == [2.0, -2.0]
     assert feedthrough_of(block) == {("qdd_ref", "tau_ref")}
     with pytest.raises(InputError, match=r"\(2, 2\)"):
-        block.set_inertia(context, np.eye(2))
+        block.set_parameters(context, inertia=np.eye(2))
 
 
 def test_nominal_inertia_matrix(context_of: Any) -> None:
     block = NominalInertia([[2.0, 0.5], [0.5, 1.0]])
     context = context_of(block, qdd_ref=[1.0, 2.0])
     assert block.GetOutputPort("tau_ref").Eval(context).tolist() == [3.0, 2.5]
-    block.set_inertia(context, [4.0, 5.0])
+    block.set_parameters(context, inertia=[4.0, 5.0])
     assert block.GetOutputPort("tau_ref").Eval(context).tolist() == [4.0, 10.0]
 
 
@@ -73,7 +73,7 @@ def test_torque_limit_by_hand(context_of: Any, feedthrough_of: Any) -> None:
     block = TorqueLimit([1.0, 2.0, 0.0])
     context = context_of(block, tau_cmd=[-5.0, 1.5, 3.0])
     assert block.GetOutputPort("tau").Eval(context).tolist() == [-1.0, 1.5, 0.0]
-    block.set_limit(context, 10.0)
+    block.set_parameters(context, tau_max=10.0)
     assert block.GetOutputPort("tau").Eval(context).tolist() == [-5.0, 1.5, 3.0]
     assert feedthrough_of(block) == {("tau_cmd", "tau")}
 

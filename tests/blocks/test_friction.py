@@ -19,9 +19,9 @@ def test_by_hand(context_of: Any, feedthrough_of: Any) -> None:
     context = context_of(block, qd=[3.0, 0.1, -1.0])
     expected = [-1.3, -0.5 * 0.7615941559557649, 2.0]
     assert block.GetOutputPort("tau_friction").Eval(context) == pytest.approx(expected)
-    block.set_friction(context, tau_c=0.0, d=1.0)
+    block.set_parameters(context, tau_c=0.0, d=1.0)
     assert block.GetOutputPort("tau_friction").Eval(context) == pytest.approx([-3.0, -0.1, 1.0])
-    block.set_friction(context, tau_c=[0.0, 2.0, 0.0], v_s=0.05)
+    block.set_parameters(context, tau_c=[0.0, 2.0, 0.0], v_s=0.05)
     assert block.GetOutputPort("tau_friction").Eval(context)[1] == pytest.approx(-0.1 - 2 * np.tanh(2.0))
     assert feedthrough_of(block) == {("qd", "tau_friction")}
 

@@ -108,8 +108,8 @@ def test_parameters_and_state_live_in_the_context(context_of: Any) -> None:
     expected = (1 - np.exp(-0.01)) * 11.0 - 10.0
     assert block.GetOutputPort("tau_dis").Eval(one)[0] == pytest.approx(expected)
     assert block.GetOutputPort("tau_dis").Eval(two)[0] == pytest.approx(-10.0)
-    block.set_gain(two, 4.0)
-    block.set_inertia(two, [3.0])
+    block.set_parameters(two, g_dis=4.0)
+    block.set_parameters(two, inertia=[3.0])
     assert block.GetOutputPort("tau_dis").Eval(two)[0] == pytest.approx(-6.0)
     updated = block.EvalUniquePeriodicDiscreteUpdate(two).get_vector().value()
     assert updated[0] == pytest.approx((1 - np.exp(-0.004)) * 7.0)

@@ -14,7 +14,7 @@ def test_encoder_by_hand(context_of: Any, feedthrough_of: Any) -> None:
     block = Encoder([0.5, 0.5, 0.5, 0.0])
     context = context_of(block, q=[0.74, 0.75, -0.76, 0.123])
     assert block.GetOutputPort("q_measured").Eval(context).tolist() == [0.5, 1.0, -1.0, 0.123]
-    block.set_resolution(context, [0.0, 1.0, 0.1, 0.1])
+    block.set_parameters(context, resolution=[0.0, 1.0, 0.1, 0.1])
     assert block.GetOutputPort("q_measured").Eval(context) == pytest.approx([0.74, 1.0, -0.8, 0.1])
     assert feedthrough_of(block) == {("q", "q_measured")}
 
@@ -67,10 +67,10 @@ def test_pseudo_derivative_block(context_of: Any, feedthrough_of: Any) -> None:
     block = PseudoDerivative([10.0, 20.0], 1e-3)
     one, two = (context_of(block, q=[0.3, -0.4]) for _ in range(2))
     assert block.GetOutputPort("v").Eval(one) == pytest.approx((1 - np.exp([-0.01, -0.02])) * 1e3 * [0.3, -0.4])
-    block.set_initial_position(one, [0.3, -0.4])
-    assert block.GetOutputPort("v").Eval(one).tolist() == [0.0, 0.0]
+    standing = PseudoDerivative([10.0, 20.0], 1e-3, initial=[0.3, -0.4])
+    assert standing.GetOutputPort("v").Eval(context_of(standing, q=[0.3, -0.4])).tolist() == [0.0, 0.0]
     assert block.GetOutputPort("v").Eval(two) == pytest.approx((1 - np.exp([-0.01, -0.02])) * 1e3 * [0.3, -0.4])
-    block.set_cutoff(two, 1.0)
+    block.set_parameters(two, g_v=1.0)
     assert block.GetOutputPort("v").Eval(two) == pytest.approx((1 - np.exp(-1e-3)) * 1e3 * np.array([0.3, -0.4]))
     updated = block.EvalUniquePeriodicDiscreteUpdate(two).get_vector().value()
     assert updated == pytest.approx((1 - np.exp(-1e-3)) * np.array([0.3, -0.4]))

@@ -12,11 +12,11 @@ from dataclasses import fields
 from pathlib import Path
 
 from flipdiagram.campaign.checks import from_text
-from flipdiagram.campaign.conduct import run
-from flipdiagram.campaign.opening import opened
+from flipdiagram.campaign.run import run
 from flipdiagram.errors import InputError
-from flipdiagram.flips.flips import Outcome
-from flipdiagram.flips.work import Landed, Work, provenance
+from flipdiagram.flips.flight import Landed, Work, provenance
+from flipdiagram.flips.outcome import Outcome
+from flipdiagram.flips.store_file import open_to_read
 from flipdiagram.simulation.metrics import FlipMetrics
 
 QUIET = """
@@ -50,7 +50,7 @@ def metrics_of(flight, won):
     return FlipMetrics(**numbers | plain | {"start_y_m": 0.0, "max_torque_Nm": [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]})
 
 
-def fly(flight):
+def fly(flight, plan):
     """Turned over where the friction is above a border, which is lower with an observer."""
     mass = flight.truth.object.mass
     if mass == HANGS:
@@ -66,16 +66,16 @@ def fly(flight):
     else:
         won = flight.truth.object.friction > (0.9 if "dob" in flight.architecture else 1.4)
         measured = metrics_of(flight, won)
-        outcome = Outcome(measured, measured.failure, {"solve_time_s": time.time(), "plan": flight.plan})
+        outcome = Outcome(measured, measured.failure, {"solve_time_s": time.time(), "plan": plan})
     return Landed(outcome, 0.5, 0.0, *provenance())
 
 
-def fly_slowly(flight):
+def fly_slowly(flight, plan):
     time.sleep(0.03)
-    return fly(flight)
+    return fly(flight, plan)
 
 
-def fly_like_gains(flight):
+def fly_like_gains(flight, plan):
     """Turned over where the friction is enough for how far the gain is from 900 1/s²."""
     k_p = flight.truth.controller.k_p
     won = flight.truth.object.friction > 0.6 + abs(k_p - 900) / 500
@@ -101,7 +101,7 @@ SLOW = Work(plan, fly_slowly)
 
 def contents(file):
     """What every row of a campaign's file says, without the circumstances; the trial and architecture first."""
-    with opened(file) as results:
+    with open_to_read(file) as results:
         return [row.content() for row in results.rows()]
 
 
@@ -117,7 +117,7 @@ def main(text, out, jobs):
 def finished(file):
     """(trial, architecture, when it ended) of each row there."""
     try:
-        with opened(file) as results:
+        with open_to_read(file) as results:
             return {(row.trial, row.architecture, row.finished) for row in results.rows()}
     except InputError:  # not yet there
         return set()

@@ -10,12 +10,12 @@ import pytest
 from campaign.made_up import contents
 
 from flipdiagram.campaign.checks import from_text
-from flipdiagram.campaign.conduct import run
-from flipdiagram.campaign.modes import LIMITED
-from flipdiagram.campaign.opening import opened
+from flipdiagram.campaign.run import run
 from flipdiagram.diagrams.loop import build_loop
-from flipdiagram.flips import children
-from flipdiagram.flips.flips import Flip, fly_one
+from flipdiagram.flips import child_process
+from flipdiagram.flips.flight import fly
+from flipdiagram.flips.outcome import LIMITED
+from flipdiagram.flips.store_file import open_to_read
 from flipdiagram.planning import plan_motion
 from flipdiagram.simulation.metrics import SATURATED
 
@@ -37,7 +37,7 @@ def undisturbed(tmp_path_factory):
     return contents(run(from_text(TEXT), tmp_path_factory.mktemp("flips"), jobs=1).file)
 
 
-def test_a_row_is_what_a_single_flip_measures(undisturbed, tmp_path):
+def test_a_row_is_what_a_single_flip_measures(undisturbed):
     specification = from_text(TEXT)
     trial = specification.trial(1)
     plan = plan_motion(specification.believed(trial))
@@ -45,7 +45,7 @@ def test_a_row_is_what_a_single_flip_measures(undisturbed, tmp_path):
     # M_n is of the arm as planner and controller believe it to be, which is the base's
     inertia = tuple(build_loop(specification.base).boxes.nominal_inertia.inertia.tolist())
     truth = truth.with_overrides({"controller.nominal_inertia": inertia})
-    outcome, _ = fly_one(Flip(truth, "pd+ff+dob"), plan, tmp_path)
+    outcome = fly(truth, "pd+ff+dob", plan)
     row = next(row for row in undisturbed if (row["trial"], row["architecture"]) == (1, "pd+ff+dob"))
     measured = outcome.metrics.as_dict()
     assert row["metrics"] == json.loads(json.dumps(measured | {"torque_use": row["metrics"]["torque_use"]}))
@@ -88,13 +88,13 @@ def test_real_flips_are_the_same_after_workers_and_driver_were_lost(tmp_path, un
 
     def disturb(text):
         if re.match("flips 2/8", text):
-            os.kill(dice.choice(children.children()), signal.SIGKILL)
+            os.kill(dice.choice(child_process.children()), signal.SIGKILL)
         if re.match("flips 5/8", text):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         run(from_text(TEXT), tmp_path, jobs=2, progress=disturb)
-    with opened(tmp_path / "campaign.sqlite") as results:
+    with open_to_read(tmp_path / "campaign.sqlite") as results:
         assert 5 <= len(results.done()) < 8
     run(from_text(TEXT), tmp_path, jobs=2, resume=True)
     assert contents(tmp_path / "campaign.sqlite") == undisturbed

@@ -6,11 +6,11 @@ import pytest
 from campaign.made_up import QUIET
 
 from flipdiagram.campaign.checks import changes_of, check_estimate, estimated_hours, from_text, load_specification
-from flipdiagram.campaign.conduct import _missing
-from flipdiagram.campaign.reading import parse
+from flipdiagram.campaign.run import missing_flights
+from flipdiagram.campaign.specification_file import parse
 from flipdiagram.campaign.tuning import load_tuning, tuning
 from flipdiagram.errors import InputError
-from flipdiagram.flips.flips import Flip
+from flipdiagram.flips.flip import Flip
 from flipdiagram.scenario.scenario import Scenario
 
 GOOD = """
@@ -41,7 +41,11 @@ trials: 8
         (("object.mass:", "object.friction, object.mass:"), 5, ["object.friction stands twice"]),
         (("object.mass: {choice: [0.05, 0.06]}", "sensors.delay: {uniform: [0.5, 3]}"), 5, ["whole number"]),
         (("object.mass: {choice: [0.05, 0.06]}", "arm.file: {scale: {uniform: [1, 2]}}"), 5, ["cannot be scaled"]),
-        (("object.mass: {choice: [0.05, 0.06]}", "object.friction: {uniform: [1, 2]}"), 5, ["stands twice", "line 4"]),
+        (
+            ("object.mass: {choice: [0.05, 0.06]}", "object.friction: {uniform: [1, 2]}"),
+            5,
+            ["stands twice", "lines 4 and 5"],
+        ),
         (("lhs", "mcmc"), 6, ["sampler = 'mcmc'", "sobol"]),
         (("sampler: lhs", "sampler: grid"), 4, ["the grid needs values"]),
         (("sampler: lhs\ntrials: 8", "sampler: saltelli\ntrials: 10"), 7, ["trials = 10", "power of two"]),
@@ -127,7 +131,7 @@ def test_noise_of_a_trial_has_its_seed_whatever_the_architecture_unless_the_file
     seeds = [found.truth(found.trial(k)).sensors.noise_seed for k in range(8)]
     assert seeds == [found.trial(k).seed for k in range(8)] and len(set(seeds)) == 8
     assert all(1e-6 <= found.truth(found.trial(k)).sensors.position_noise <= 1e-3 for k in range(8))
-    jobs = list(_missing(found, {}))
+    jobs = list(missing_flights(found, {}))
     assert [job.truth.sensors.noise_seed for job in jobs] == [seed for seed in seeds for _ in found.architectures]
     other = from_text(text + "seed: 9\n")
     assert not {other.truth(other.trial(k)).sensors.noise_seed for k in range(8)} & set(seeds)

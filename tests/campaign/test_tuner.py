@@ -7,11 +7,11 @@ from campaign import made_up
 from campaign.made_up import QUIET
 
 from flipdiagram.campaign.checks import from_text
-from flipdiagram.campaign.reading import parse
 from flipdiagram.campaign.report import report_section, write_tuning
+from flipdiagram.campaign.specification_file import parse
 from flipdiagram.campaign.tuner import held_out_trials, tune
 from flipdiagram.campaign.tuning import Goal, tuning
-from flipdiagram.flips.work import Work
+from flipdiagram.flips.flight import Work
 
 pytest.importorskip("optuna")
 

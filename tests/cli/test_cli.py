@@ -8,6 +8,7 @@ import time
 from importlib.metadata import version
 
 import pytest
+from patience import HUNG, loaded
 
 from flipdiagram import __version__
 from flipdiagram.cli import commands
@@ -15,11 +16,11 @@ from flipdiagram.cli import main as cli
 from flipdiagram.errors import PlanningError, SimulationError
 from flipdiagram.scenario.scenario import Scenario, from_yaml
 
-COMMAND = [sys.executable, "-m", "flipdiagram.cli.main"]
+COMMAND = [sys.executable, "-m", "flipdiagram"]
 
 
 def run(*arguments, **settings):
-    return subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, timeout=60, **settings)
+    return subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, timeout=HUNG, **settings)
 
 
 def listen_to_ctrl_c():
@@ -62,9 +63,9 @@ def test_version_names_both():
 
 @pytest.mark.parametrize("command", [[], ["plan"], ["flip"], ["frequency"], ["scenario"]])
 def test_help_is_quick_and_prints_to_stdout(command):
-    begin = time.perf_counter()
+    limit, begin = loaded(3), time.perf_counter()
     done = run(*command, "--help")
-    assert time.perf_counter() - begin < 3  # Drake is not imported: about 0.2 s, most of it the interpreter
+    assert time.perf_counter() - begin < limit  # Drake is not imported: about 0.2 s, most of it the interpreter
     assert done.returncode == 0 and done.stderr == "" and "usage: flipdiagram" in done.stdout
 
 
@@ -173,7 +174,7 @@ def test_ctrl_c_ends_with_130_and_one_line(tmp_path):
     ) as process:
         assert process.stdout.readline() == "in\n"
         process.send_signal(signal.SIGINT)
-        _, stderr = process.communicate(timeout=2)
+        _, stderr = process.communicate(timeout=loaded(2))
     assert (process.returncode, stderr) == (130, "flipdiagram: interrupted\n")
 
 

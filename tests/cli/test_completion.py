@@ -5,6 +5,7 @@ import shutil
 import subprocess
 
 import pytest
+from patience import HUNG
 
 from flipdiagram.cli.completion import SHELLS, script
 from flipdiagram.cli.options import COMMANDS, SHORT, parser
@@ -26,7 +27,7 @@ def _write(path, text):
 
 
 def ask(*command, folder):
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=folder)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=HUNG, cwd=folder)
     assert (done.returncode, done.stderr) == (0, ""), done.stderr
     return done.stdout
 

@@ -29,7 +29,7 @@ def saturated() -> CompiledDiagram:
 
 def test_channels_equal_separate_runs_bit_for_bit(axis):
     together = axis.run(400, parameters=GAINS, inputs=COMMANDS, threads=2)
-    assert together.final.shape == (N, axis.state_size)
+    assert together.final.shape == (N, len(axis.state_names))
     assert len(np.unique(together.state["plant"][:, 0])) == N
     for c in range(N):
         alone = axis.run(400, parameters={name: v[c : c + 1] for name, v in GAINS.items()}, inputs=COMMANDS)
@@ -40,9 +40,8 @@ def test_channels_equal_separate_runs_bit_for_bit(axis):
 @pytest.mark.parametrize("threads", [1, 2, 5])
 def test_threads_and_different_lengths_change_nothing(axis, threads):
     ticks = RNG.integers(0, 500, N)
-    told = []
-    run = axis.run(ticks, parameters=GAINS, inputs=COMMANDS, threads=threads, log=["x"], every=7, progress=told.append)
-    assert (run.ticks == ticks).all() and told[-1] == pytest.approx(1.0) and told == sorted(told)
+    run = axis.run(ticks, parameters=GAINS, inputs=COMMANDS, threads=threads, log=["x"], every=7)
+    assert (run.ticks == ticks).all()
     longest = axis.run(500, parameters=GAINS, inputs=COMMANDS, log=["x", "plant"])
     for c in range(N):
         assert run.state["plant"][c, 0] == longest.log["plant"][c, ticks[c], 0]
@@ -80,7 +79,7 @@ def test_defaults_come_from_the_context_and_contexts_can_be_given(axis):
     diagram = axis.layout.structure.diagram
     context = diagram.CreateDefaultContext()
     pd, dob = diagram.GetSubsystemByName("pd"), diagram.GetSubsystemByName("dob")
-    pd.set_gains(pd.GetMyContextFromRoot(context), k_p=[123.0])
+    pd.set_parameters(pd.GetMyContextFromRoot(context), k_p=[123.0])
     dob.set_initial_estimate(dob.GetMyContextFromRoot(context), [0.5])
     assert axis.parameters_from(context)["pd.0"] == [123.0]
     assert axis.state_from(context)[0] == 15.0

@@ -1,20 +1,18 @@
 """What neither plan nor controller knows, and the boxes that answer to it: each field against its effect in the diagram."""
 
-from functools import lru_cache
-
 import numpy as np
 import pytest
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.analysis import Simulator
+from shared import default_plan
 
 from flipdiagram.diagrams.controller import nominal_inertia
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import InputError
 from flipdiagram.planning import plan_motion
 from flipdiagram.robot.parts import add_parts, arm_of
-from flipdiagram.scenario import text as scenario_io
-from flipdiagram.scenario.scenario import JOINTS, Scenario
+from flipdiagram.scenario.scenario import JOINTS, Scenario, field_paths
 from flipdiagram.simulation.simulate import simulate
 
 G = 9.81
@@ -28,18 +26,13 @@ QUIET = {
 }
 
 
-@lru_cache
-def plan():
-    return plan_motion(Scenario())
-
-
 class AtRest:
     """The loop after its hold: angles, torques, and how far the control point is from the command."""
 
     def __init__(self, architecture, **fields):
         self.scenario = Scenario().with_overrides(QUIET | {name.replace("__", "."): v for name, v in fields.items()})
         loop = build_loop(self.scenario, architecture)
-        simulator = Simulator(loop.diagram, loop.context(plan()))
+        simulator = Simulator(loop.diagram, loop.context(default_plan()))
         simulator.AdvanceTo(self.scenario.simulation.hold_time - 0.01)
         context = simulator.get_context()
         mine = loop.cell.plant.GetMyContextFromRoot(context)
@@ -134,7 +127,8 @@ def test_the_controller_answers_to_the_state_of_so_many_samples_ago(delay, step)
     scenario = Scenario().with_overrides(
         {"sensors.delay": delay, "simulation.step": step, "simulation.hold_time": 0.02, "simulation.settle_time": 0.0}
     )
-    run, arm = simulate(scenario, "pd", plan()).recording, arm_of(scenario)
+    plan, arm = default_plan(), arm_of(scenario)
+    run = simulate(scenario, "pd", plan).recording
     q, qd, tau = (run[name].values for name in ("q", "qd", "tau"))
     inertia = nominal_inertia(scenario, arm, q[0])
     gains = scenario.controller
@@ -146,7 +140,7 @@ def test_the_controller_answers_to_the_state_of_so_many_samples_ago(delay, step)
         def law(i, k=k):
             position, velocity, jacobian, bias = arm.task_kinematics(q[i], qd[i])
             # a plant with a finer step gets the torque computed half a step before, with the command of then
-            x, v, _ = plan().at(run["time"].values[k] - (step / 2 if step < 0.001 else 0.0))
+            x, v, _ = plan.at(run["time"].values[k] - (step / 2 if step < 0.001 else 0.0))
             x_cmd = np.array([*x, scenario.task.start_x, 0.0, 0.0])
             v_cmd = np.array([*v, 0.0, 0.0, 0.0])
             a_ref = gains.k_p * (x_cmd - position) + gains.k_v * (v_cmd - velocity)
@@ -221,7 +215,7 @@ BAD = [
 
 @pytest.mark.parametrize(("path", "value"), BAD)
 def test_a_value_that_makes_no_sense_is_refused_by_the_name_of_its_field(path, value):
-    assert path in scenario_io.field_paths(Scenario)
+    assert path in field_paths()
     with pytest.raises(InputError, match=path):
         Scenario().with_overrides({path: value})
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from pydrake.systems.framework import LeafSystem
+from shared import default_plan
 
 from flipdiagram.blocks.pd import ProportionalDerivative
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import InputError
-from flipdiagram.planning import plan_motion
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.simulate import simulate
 
@@ -33,12 +33,11 @@ class Box(LeafSystem):
 
 @pytest.fixture(scope="module")
 def plan():
-    return plan_motion(SHORT)
+    return default_plan()
 
 
 def run(plan, architecture, replace):
-    loop = build_loop(SHORT, architecture, record=True, replace=replace)
-    return simulate(SHORT, architecture, plan, loop=loop).recording
+    return simulate(SHORT, architecture, plan, replace=replace).recording
 
 
 def test_our_own_pd_in_its_own_place_changes_no_bit(plan):

@@ -1,16 +1,14 @@
 """Noise of the joint sensors in a flip: where it enters, that it is reproducible, and absent by default."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 from diagrams.test_controller import edges
+from shared import default_plan
 
 from flipdiagram.blocks.noise import white_noise
 from flipdiagram.diagrams.controller import nominal_inertia
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import InputError
-from flipdiagram.planning import plan_motion
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import Scenario, from_yaml
 from flipdiagram.simulation.simulate import simulate
@@ -19,14 +17,9 @@ SHORT = {"simulation.hold_time": 0.02, "simulation.settle_time": 0.0}
 NOISY = {"sensors.position_noise": 1e-4, "sensors.velocity_noise": 1e-2}
 
 
-@cache
-def plan():
-    return plan_motion(Scenario())
-
-
 def flown(**changes):
     fields = {path.replace("__", "."): value for path, value in changes.items()}
-    return simulate(Scenario().with_overrides(SHORT | fields), "pd+ff+dob", plan()).recording
+    return simulate(Scenario().with_overrides(SHORT | fields), "pd+ff+dob", default_plan()).recording
 
 
 def noisy(**changes):
@@ -86,7 +79,8 @@ def test_the_controller_answers_to_the_state_with_the_noise_of_that_tick(delay, 
     """Its law computed a second time from the recorded state and the numbers drawn."""
     changes = {"sensors.noise_seed": 3, "sensors.delay": delay, "simulation.step": step}
     scenario = Scenario().with_overrides(SHORT | NOISY | changes)
-    run, arm = simulate(scenario, "pd", plan()).recording, arm_of(scenario)
+    plan, arm = default_plan(), arm_of(scenario)
+    run = simulate(scenario, "pd", plan).recording
     q, qd, tau = (run[name].values for name in ("q", "qd", "tau"))
     inertia, gains = nominal_inertia(scenario, arm, q[0]), scenario.controller
     fine = step < 0.001  # the torque of a sample is computed half a step before, at the tick before
@@ -94,7 +88,7 @@ def test_the_controller_answers_to_the_state_with_the_noise_of_that_tick(delay, 
     def law(k, i, tick):
         noise = 1e-4 * white_noise(3, 0, tick, 6), 1e-2 * white_noise(3, 1, tick, 6)
         position, velocity, jacobian, bias = arm.task_kinematics(q[i] + noise[0], qd[i] + noise[1])
-        x, v, _ = plan().at(run["time"].values[k] - (step / 2 if fine else 0.0))
+        x, v, _ = plan.at(run["time"].values[k] - (step / 2 if fine else 0.0))
         a_ref = gains.k_p * (np.array([*x, scenario.task.start_x, 0, 0]) - position)
         a_ref += gains.k_v * (np.array([*v, 0, 0, 0]) - velocity)
         return np.clip(inertia * np.linalg.solve(jacobian, a_ref - bias), -arm.tau_max, arm.tau_max)

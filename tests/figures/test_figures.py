@@ -7,7 +7,8 @@ from matplotlib.figure import Figure
 from synthetic import DROP, RELEASE, recording, recordings
 
 from flipdiagram.errors import InputError
-from flipdiagram.figures import motion as figures
+from flipdiagram.figures import motion
+from flipdiagram.figures.style import NAMES, STYLES, save
 from flipdiagram.planning.plan import Plan
 from flipdiagram.scenario.scenario import ARCHITECTURES
 
@@ -40,13 +41,13 @@ def a_plan():
 def all_axes():
     many = recordings()
     return {
-        "13": [figures.plot_trajectories(many)],
-        "14": figures.plot_velocities(many),
-        "14 all": figures.plot_velocities(many, ARCHITECTURES),
-        "15": figures.plot_accelerations(many),
-        "sliding": [figures.plot_sliding_angle(many)],
-        "torques": figures.plot_torques(many),
-        "plan": figures.plot_plan(a_plan()),
+        "13": [motion.plot_trajectories(many)],
+        "14": motion.plot_velocities(many),
+        "14 all": motion.plot_velocities(many, ARCHITECTURES),
+        "15": motion.plot_accelerations(many),
+        "sliding": [motion.plot_sliding_angle(many)],
+        "torques": motion.plot_torques(many),
+        "plan": motion.plot_plan(a_plan()),
     }
 
 
@@ -68,18 +69,18 @@ def test_every_visible_label_has_a_unit(drawn):
 
 
 def test_an_architecture_looks_the_same_in_every_figure(drawn):
-    for architecture, label in figures.NAMES.items():
+    for architecture, label in NAMES.items():
         looks = {
             (line.get_color(), str(line.get_linestyle()), str(line._unscaled_dash_pattern), line.get_linewidth())
             for axes in drawn.values()
             for line in lines_named(axes, label)
         }
         assert len(looks) == 1, architecture
-        assert {look[0] for look in looks} == {figures.STYLES[architecture].color}
+        assert {look[0] for look in looks} == {STYLES[architecture].color}
 
 
 def test_colours_are_colour_blind_safe_and_each_has_a_line_of_its_own():
-    styles = [figures.STYLES[name] for name in ARCHITECTURES]
+    styles = [STYLES[name] for name in ARCHITECTURES]
     assert {style.color for style in styles} <= OKABE_ITO and len({style.color for style in styles}) == 4
     assert len({str(style.linestyle) for style in styles}) == 4
 
@@ -111,12 +112,12 @@ def test_paths_have_equal_scales_and_a_cross_where_the_block_was_dropped(drawn):
         # the last sample with contact is the one before the drop
         at = recording(architecture)["x"].sel(time=time - 1e-3, method="nearest").values
         assert (cross.get_xdata()[0], cross.get_ydata()[0]) == (at[0], at[1])
-        assert cross.get_markerfacecolor() == figures.STYLES[architecture].color
+        assert cross.get_markerfacecolor() == STYLES[architecture].color
 
 
 def test_a_block_that_stays_until_the_release_is_not_dropped():
-    assert figures.dropped_at(recording("pd+ff+dob")) is None
-    assert figures.dropped_at(recording("pd")) == pytest.approx(DROP["pd"] - 1e-3)
+    assert motion.dropped_at(recording("pd+ff+dob")) is None
+    assert motion.dropped_at(recording("pd")) == pytest.approx(DROP["pd"] - 1e-3)
 
 
 def test_sliding_angle_ends_with_the_contact(drawn):
@@ -149,20 +150,20 @@ def test_a_part_of_the_architectures_can_be_drawn_into_given_axes():
     figure = Figure()
     axes = figure.subplots(3, 1)
     one = {"pd+dob": recording("pd+dob")}
-    assert list(figures.plot_velocities(one, axes=list(axes))) == list(axes)
-    assert figures.plot_trajectories(one, ax=axes[0]) is axes[0]
+    assert list(motion.plot_velocities(one, axes=list(axes))) == list(axes)
+    assert motion.plot_trajectories(one, ax=axes[0]) is axes[0]
     assert not figure.legends and axes[0].get_legend() is not None
     assert "block dropped" not in {line.get_label() for line in axes[0].get_lines()}
 
 
 def test_unknown_architecture_is_named_with_the_valid_ones():
     with pytest.raises(InputError, match=r"unknown architecture 'pid'; choose from pd, pd\+ff, pd\+dob, pd\+ff\+dob"):
-        figures.plot_torques({"pid": recording("pd")})
+        motion.plot_torques({"pid": recording("pd")})
 
 
 def test_strip_has_each_picture_with_its_time():
     images = np.zeros((8, 20, 20, 3), np.uint8) + np.arange(8, dtype=np.uint8)[:, None, None, None]
-    ax = figures.snapshot_strip(images, np.arange(8) / 10)
+    ax = motion.snapshot_strip(images, np.arange(8) / 10)
     assert [text.get_text() for text in ax.texts] == [f"0.{k}0 s" for k in range(8)]
     corners = [tuple(np.array(image.get_extent())[[0, 3]]) for image in ax.images]
     assert corners == [(26 * (k % 4), 26 * (k // 4)) for k in range(8)]
@@ -173,7 +174,7 @@ def test_saved_files_are_the_same_to_the_byte(tmp_path):
     for run in "ab":
         for name, axes in all_axes().items():
             if name in ("13", "15", "plan"):
-                figures.save(axes[0].figure, tmp_path / run / name)
+                save(axes[0].figure, tmp_path / run / name)
     first = {path.name: path.read_bytes() for path in sorted((tmp_path / "a").iterdir())}
     second = {path.name: path.read_bytes() for path in sorted((tmp_path / "b").iterdir())}
     assert first == second
@@ -182,16 +183,16 @@ def test_saved_files_are_the_same_to_the_byte(tmp_path):
 
 
 def test_saving_replaces_whole_files_or_nothing(tmp_path):
-    ax = figures.plot_sliding_angle({"pd": recording("pd")})
+    ax = motion.plot_sliding_angle({"pd": recording("pd")})
     (tmp_path / "figure.png").write_text("old")
-    written = figures.save(ax.figure, tmp_path / "figure")
+    written = save(ax.figure, tmp_path / "figure")
     assert [path.name for path in written] == ["figure.png", "figure.svg"]
     assert written[0].read_bytes().startswith(b"\x89PNG")
     (tmp_path / "file").write_text("no folder")
     with pytest.raises(InputError, match="cannot write"):
-        figures.save(ax.figure, tmp_path / "file" / "figure")
+        save(ax.figure, tmp_path / "file" / "figure")
     broken = SimpleNamespace(savefig=lambda *a, **k: (_ for _ in ()).throw(RuntimeError("no")))
     with pytest.raises(RuntimeError):
-        figures.save(broken, tmp_path / "figure")
+        save(broken, tmp_path / "figure")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["figure.png", "figure.svg", "file"]
     assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")

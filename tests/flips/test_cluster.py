@@ -9,11 +9,12 @@ import time
 import pytest
 from campaign.made_up import QUIET, SLOW, WORK, contents
 from campaign.test_campaign_flips import TEXT
+from patience import HUNG
 
 from flipdiagram.campaign.checks import from_text
-from flipdiagram.campaign.conduct import run
-from flipdiagram.campaign.opening import opened
+from flipdiagram.campaign.run import run
 from flipdiagram.errors import InputError, SimulationError
+from flipdiagram.flips.store_file import open_to_read
 
 pytest.importorskip("distributed")
 
@@ -25,7 +26,7 @@ class Cluster:
         self.file = folder / "scheduler.json"
         self.processes = []
         self.start("scheduler", "--port", "0", "--scheduler-file", str(self.file))
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + HUNG
         while not self.file.exists() and time.monotonic() < deadline:
             time.sleep(0.05)
         time.sleep(0.2)
@@ -70,7 +71,7 @@ def undisturbed(tmp_path_factory):
 def test_real_flips_are_the_same_on_dask(cluster, tmp_path):
     assert cluster.address.startswith("tcp://127.0.0.1:")
     ended = run(from_text(TEXT), tmp_path / "dask", scheduler=cluster.address)
-    assert "Dask at tcp://127.0.0.1:" in ended.engine
+    assert "Dask at tcp://127.0.0.1:" in ended.workers
     assert contents(ended.file) == contents(run(from_text(TEXT), tmp_path / "here", jobs=2).file)
 
 
@@ -95,7 +96,7 @@ def test_a_scheduler_that_goes_away_is_one_line_and_the_rest_is_flown_elsewhere(
 
     with pytest.raises(SimulationError, match=r"gone.*--resume"):
         run(from_text(QUIET), tmp_path, scheduler=cluster.address, work=SLOW, progress=end)
-    with opened(tmp_path / "campaign.sqlite") as results:
+    with open_to_read(tmp_path / "campaign.sqlite") as results:
         assert 10 <= len(results.done()) < 60
     run(from_text(QUIET), tmp_path, jobs=2, resume=True, work=WORK)
     assert contents(tmp_path / "campaign.sqlite") == undisturbed

@@ -13,11 +13,12 @@ from pathlib import Path
 
 import pytest
 from campaign.made_up import contents, finished
+from patience import HUNG
 
 from flipdiagram.campaign.checks import from_text
-from flipdiagram.campaign.conduct import run
-from flipdiagram.campaign.opening import opened
-from flipdiagram.flips import children
+from flipdiagram.campaign.run import run
+from flipdiagram.flips import child_process
+from flipdiagram.flips.store_file import open_to_read
 
 TEXT = """
 base: {simulation: {hold_time: 0.05, settle_time: 0.02}}
@@ -32,7 +33,7 @@ architectures: [pd, pd+ff+dob]
 timeout: 100
 """
 KILLS, ROWS = 10, 20
-PROGRAM = "import sys; from campaign.test_kills import kill_all; kill_all(*sys.argv[1:])"
+PROGRAM = "import sys; from flips.test_kills import kill_all; kill_all(*sys.argv[1:])"
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +44,7 @@ def undisturbed(tmp_path_factory):
 def test_ten_drivers_and_ten_workers_killed_at_random_moments_change_no_row(tmp_path, undisturbed):
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     command = [sys.executable, "-c", PROGRAM, str(tmp_path)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=HUNG)
     assert done.returncode == 0, done.stderr
     drivers, workers = map(int, done.stdout.split())
     assert drivers == workers == KILLS
@@ -58,7 +59,7 @@ def test_ten_drivers_and_ten_workers_killed_at_random_moments_change_no_row(tmp_
     assert rows == undisturbed
     outcomes = {row["outcome"] for row in rows}
     assert "turned over" in outcomes and len(outcomes) > 1 and not outcomes & {"crashed", "timeout"}
-    with opened(file) as results:
+    with open_to_read(file) as results:
         assert not results.plan("nothing") and len({row.seed for row in results.rows()}) == 10
 
 
@@ -96,10 +97,10 @@ def kill_all(out):
 
 def kill_worker(moment, choice, killed):
     """Kill a worker of this process so long after both have begun, be it while it imports, plans or flies."""
-    while len(found := children.children()) < 2:
+    while len(found := child_process.children()) < 2:
         time.sleep(0.01)
     time.sleep(moment)
-    found = children.children() or found
+    found = child_process.children() or found
     os.kill(found[choice % len(found)], signal.SIGKILL)
     with open(killed, "a") as file:
         file.write("killed\n")

@@ -26,11 +26,12 @@ from campaign.made_up import (
     contents,
     finished,
 )
+from patience import HUNG
 
 from flipdiagram.campaign.checks import from_text
-from flipdiagram.campaign.conduct import run
-from flipdiagram.campaign.opening import opened
-from flipdiagram.flips import children
+from flipdiagram.campaign.run import run
+from flipdiagram.flips import child_process
+from flipdiagram.flips.store_file import open_to_read
 
 
 @pytest.fixture(scope="module")
@@ -57,8 +58,8 @@ def test_every_trial_is_there_once_in_every_architecture(undisturbed):
 def test_rows_do_not_depend_on_the_number_of_processes(jobs, tmp_path, undisturbed):
     ended = run(from_text(QUIET), tmp_path, jobs=jobs, work=WORK)
     assert contents(ended.file) == undisturbed
-    assert ended.flown == 60 and ended.engine == f"{jobs} processes"
-    assert children.children() == []
+    assert ended.flown == 60 and ended.workers == f"{jobs} processes"
+    assert child_process.children() == []
 
 
 def test_a_shared_motion_is_planned_once_and_one_of_its_own_once_a_trial(tmp_path, monkeypatch):
@@ -98,7 +99,7 @@ def test_what_goes_wrong_with_a_trial_is_its_outcome_and_not_the_end(tmp_path):
     for mass in (0.06, HANGS, DIES, RAISES, DIVERGES, REFUSES):
         assert found[mass, NO_PLAN] == ("no plan", "no plan: no horizon is feasible")
         assert found[mass, PLAN_HANGS] == ("timeout", "timeout: planning took longer than 1.5 s")
-    with opened(tmp_path / "campaign.sqlite") as results:
+    with open_to_read(tmp_path / "campaign.sqlite") as results:
         attempts = {tuple(row.values): row.attempts for row in results.rows()}
     assert attempts[DIES, 0.2] == 5 and attempts[HANGS, 0.2] == attempts[RAISES, 0.2] == 1
 
@@ -110,7 +111,7 @@ def test_workers_killed_at_ten_random_moments_cost_nothing(tmp_path, undisturbed
     def kill_one(text):
         if (found := re.match(r"flips (\d+)/60", text)) and int(found[1]) in moments:
             time.sleep(dice.uniform(0.0, 0.03))
-            killed.append(dice.choice(children.children()))
+            killed.append(dice.choice(child_process.children()))
             os.kill(killed[-1], signal.SIGKILL)
 
     ended = run(from_text(QUIET), tmp_path, jobs=2, work=SLOW, progress=kill_one)
@@ -120,7 +121,7 @@ def test_workers_killed_at_ten_random_moments_cost_nothing(tmp_path, undisturbed
 
 def test_a_driver_killed_ten_times_at_random_moments_loses_nothing_and_repeats_nothing(tmp_path, undisturbed):
     command = [sys.executable, "-c", KILLER, QUIET, str(tmp_path), "10", "60"]
-    done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=300)
+    done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=HUNG)
     assert done.returncode == 0, done.stderr
     kills, there = map(int, done.stdout.split())
     assert kills == 10 and 10 <= there < 60
@@ -140,14 +141,14 @@ def test_children_end_with_a_driver_that_is_killed(tmp_path):
     command = [sys.executable, "-c", DRIVER, hanging, str(tmp_path), "2"]
     process = subprocess.Popen(command, env=environment())
     found: list[int] = []
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + HUNG
     while len(found) < 2 and time.monotonic() < deadline:
         time.sleep(0.05)
         found = _children_of(process.pid)
     time.sleep(1.0)  # they hang now, or are about to
     process.kill()
     process.wait()
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 120
     while any(map(_alive, found)) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert len(found) == 2 and not any(map(_alive, found))
@@ -167,15 +168,15 @@ def _alive(pid):
 
 
 def test_a_child_is_replaced_after_its_share_of_calls_and_the_rows_are_the_same(tmp_path, monkeypatch, undisturbed):
-    monkeypatch.setattr(children, "RECYCLED_AFTER", 20)
+    monkeypatch.setattr(child_process, "RECYCLED_AFTER", 20)
     begun = Counter()
-    create = children.Child.__init__
+    create = child_process.Child.__init__
 
     def counted(self):
         create(self)
         begun["children"] += 1
 
-    monkeypatch.setattr(children.Child, "__init__", counted)
+    monkeypatch.setattr(child_process.Child, "__init__", counted)
     assert contents(run(from_text(QUIET), tmp_path, jobs=2, work=WORK).file) == undisturbed
     assert 4 <= begun["children"] <= 5  # 61 calls of at most 20
 
@@ -187,8 +188,8 @@ def test_an_interrupt_ends_the_children_and_keeps_what_has_ended(tmp_path, undis
 
     with pytest.raises(KeyboardInterrupt):
         run(from_text(QUIET), tmp_path, jobs=2, work=SLOW, progress=interrupt)
-    assert children.children() == []
-    with opened(tmp_path / "campaign.sqlite") as results:
+    assert child_process.children() == []
+    with open_to_read(tmp_path / "campaign.sqlite") as results:
         there = len(results.done())
     assert 12 <= there < 60
     assert run(from_text(QUIET), tmp_path, jobs=2, resume=True, work=SLOW).flown == 60 - there
@@ -209,8 +210,8 @@ def test_nothing_listens(tmp_path, monkeypatch):
 def test_pickles_are_read_from_the_driver_s_socket_only():
     from pathlib import Path
 
-    package = Path(children.__file__).parent
+    package = Path(child_process.__file__).parent
     using = [path.name for path in package.glob("*.py") if "pickle" in path.read_text()]
-    assert using == ["children.py"]
-    text = (package / "children.py").read_text()
+    assert using == ["child_process.py"]
+    text = (package / "child_process.py").read_text()
     assert text.count("pickle.") == 1 and "pickle.loads(message)" in text and "yaml" not in text

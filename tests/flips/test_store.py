@@ -1,171 +1,275 @@
-"""Where finished flips are kept: nothing is lost, and what goes wrong is one line that names the file."""
+"""The file of stored flips: what goes wrong with it is one line that names it, and nothing in it is lost."""
 
+import json
+import multiprocessing
+import os
 import sqlite3
 import subprocess
 import sys
-import threading
+from dataclasses import astuple, fields
 from pathlib import Path
 
 import pytest
+from campaign.made_up import QUIET
+from patience import HUNG
 
+from flipdiagram.campaign.checks import from_text
 from flipdiagram.errors import InputError
-from flipdiagram.flips import store as module
-from flipdiagram.flips.store import VERSION, Store
+from flipdiagram.flips import store_file
+from flipdiagram.flips.driver import row_of
+from flipdiagram.flips.flight import Flight, Landed
+from flipdiagram.flips.outcome import Outcome
+from flipdiagram.flips.store import SCHEMA, Row
+from flipdiagram.flips.store_file import APPLICATION, is_running, open_to_read, open_to_write
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.simulation.metrics import FlipMetrics, Touchdown
 
-ROW = ("pd", "arm: {}", '{"metrics": null}', 1.5)
+META = {"digest": "d", "specification": "{}", "rows": "60"}
 
 
-def test_what_is_kept_is_found_again_and_what_is_not_is_none(tmp_path):
-    path = tmp_path / "deep" / "runs.sqlite"
-    with Store(path) as store:
-        assert store.outcome("a") is None and store.plan("a") is None
-        store.put_outcome("a", *ROW)
+def row(k, text="x"):
+    return Row(
+        k,
+        "pd",
+        "slid off",
+        text,
+        1,
+        "hash",
+        {"object.friction": 1.0},
+        [1.0, 2.0],
+        None,
+        None,
+        "c",
+        {},
+        0.1,
+        "h",
+        1,
+        5.0,
+    )
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "campaign.sqlite"
+    with open_to_write(path, META, resume=False) as results:
+        results.put([row(k) for k in range(5)])
+    return path
+
+
+def refused(path, *words, meta=META, resume=True, reading=True):
+    def write():
+        with open_to_write(path, meta, resume):
+            pass
+
+    def read():
+        with open_to_read(path) as results:
+            list(results.rows())
+
+    for use in (write, read) if reading else (write,):
+        with pytest.raises(InputError) as caught:
+            use()
+        assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+        for word in words:
+            assert word in str(caught.value)
+
+
+def test_rows_come_back_as_they_were_put_and_the_file_is_one_file(file):
+    with open_to_read(file) as results:
+        assert list(results.rows()) == [row(k) for k in range(5)]
+        assert results.counts() == [("pd", "slid off", 5)]
+        assert results.meta() == META
+    assert sorted(path.name for path in file.parent.iterdir()) == ["campaign.sqlite", "campaign.sqlite.lock"]
+
+
+def test_a_row_cannot_be_written_twice(file):
+    with open_to_write(file, META) as results:
+        with pytest.raises(InputError, match="UNIQUE"):
+            results.put([row(7), row(3)])
+        assert len(results.done()) == 5  # neither
+        results.put([row(7)])
+    with open_to_read(file) as results:
+        assert len(results.done()) == 6
+
+
+def test_without_resume_a_file_is_left_alone(file):
+    before = file.read_bytes()
+    refused(file, "5 of 60 flips", "--resume", resume=False, reading=False)
+    assert file.read_bytes() == before
+
+
+def test_another_campaign_is_refused(file):
+    assert from_text(QUIET.replace("seed: 7", "seed: 8")).digest != from_text(QUIET).digest
+    refused(file, "another campaign", meta=META | {"digest": "e"}, reading=False)
+
+
+def test_a_second_campaign_on_the_same_file_is_refused_and_the_first_goes_on(file):
+    with open_to_write(file, META) as results:
+        assert is_running(file)
+        refused(file, f"process {os.getpid()}", "written", reading=False)
+        results.put([row(9)])
+        with open_to_read(file) as watched:  # reading is allowed
+            assert len(watched.done()) == 6
+    assert not is_running(file)
+
+
+def test_a_lock_goes_with_its_process(file):
+    def hold(ready):
+        with open_to_write(file, META):
+            ready.send(1)
+            ready.recv()
+
+    ours, theirs = multiprocessing.Pipe()
+    process = multiprocessing.get_context("fork").Process(target=hold, args=(theirs,))
+    process.start()
+    assert ours.recv() == 1 and is_running(file)
+    refused(file, f"process {process.pid}", reading=False)
+    process.kill()
+    process.join()
+    assert not is_running(file)
+    with open_to_write(file, META) as results:
+        assert len(results.done()) == 5
+
+
+def test_a_newer_version_is_refused_and_left_alone(file):
+    with sqlite3.connect(file) as database:
+        database.execute("PRAGMA user_version = 99")
+    database.close()
+    refused(file, "version 99", "newer")
+    with sqlite3.connect(file) as database:
+        assert database.execute("SELECT count(*) FROM trials").fetchone() == (5,)
+    database.close()
+
+
+@pytest.mark.parametrize("content", [b"a letter, not a database\n" * 100, b"x"])
+def test_what_is_no_database_is_refused_and_left_alone(tmp_path, content):
+    path = tmp_path / "campaign.sqlite"
+    path.write_bytes(content)
+    refused(path, "not a database")
+    assert path.read_bytes() == content
+
+
+def test_a_database_of_something_else_is_refused_and_left_alone(tmp_path):
+    path = tmp_path / "other.sqlite"
+    with sqlite3.connect(path) as database:
+        database.execute("CREATE TABLE letters (text TEXT)")
+    database.close()
+    before = path.read_bytes()
+    refused(path, "not of a campaign or study")
+    assert path.read_bytes() == before
+
+
+def test_the_flips_of_a_study_are_no_campaign(tmp_path):
+    with open_to_write(tmp_path / "runs.sqlite", {"digest": "flips of studies"}) as store:
+        store.put([row("a key")])
+        assert store.outcome("a key", "pd").failure == "x" and store.outcome("a key", "pd+ff") is None
+    with pytest.raises(InputError, match="not of a campaign"), open_to_read(tmp_path / "runs.sqlite"):
+        pass
+
+
+def test_a_file_of_version_1_of_a_study_is_refused_and_left_alone(tmp_path):
+    path = tmp_path / "runs.sqlite"
+    with sqlite3.connect(path) as database:
+        database.execute("CREATE TABLE flips (key TEXT PRIMARY KEY, outcome TEXT)")
+        database.execute("PRAGMA user_version = 1")
+    database.close()
+    before = path.read_bytes()
+    refused(path, "version 1", "--out")
+    assert path.read_bytes() == before
+
+
+def test_a_file_of_version_1_of_a_campaign_is_read_and_gone_on_with(tmp_path):
+    path = tmp_path / "campaign.sqlite"
+    columns = SCHEMA.replace("trial NOT NULL", "trial INTEGER NOT NULL")
+    assert columns != SCHEMA
+    with sqlite3.connect(path) as database:
+        database.executescript(columns)
+        database.executemany("INSERT INTO meta VALUES (?, ?)", META.items())
+        database.execute(f"PRAGMA application_id = {APPLICATION}")
+        database.execute("PRAGMA user_version = 1")
+    database.close()
+    with open_to_write(path, META) as store:
+        store.put([row(3), row(1)])
+    with open_to_read(path) as store:
+        assert list(store.rows()) == [row(1), row(3)]
+
+
+def test_a_row_with_numbers_that_are_none_comes_back_as_it_was():
+    numbers = {field.name: 0.1 + k / 3 for k, field in enumerate(fields(FlipMetrics))}
+    plain = {"architecture": "pd", "success": False, "failure": "dropped", "max_torque_Nm": [1.0, 2.0]}
+    for touchdown in (None, Touchdown(0.5, 0.01, 0.205, 3.0)):
+        some = {"touchdown": touchdown, "landing_cost_J": float("nan"), "start_y_m": -0.0, "release_time_s": 5e-324}
+        before = Outcome(FlipMetrics(**numbers | plain | some), "dropped", {"cost_J": 1.25})
+        flight = Flight("key", Scenario(), Scenario(), "pd")
+        written = row_of(flight, Landed(before, 0.5, 1.0, "c", {}, "h"))
+        after = json.loads(json.dumps(written.metrics)), written.failure, written.plan
+        assert repr(Outcome.from_row(*after)) == repr(before)  # nan differs from itself, its text does not
+    lost = Outcome(None, "no plan: too far")
+    assert Outcome.from_row(None, lost.failure, None) == lost and not lost.success
+
+
+def test_plans_are_kept_and_why_there_is_none(tmp_path):
+    with open_to_write(tmp_path / "deep" / "runs.sqlite", META) as store:
         store.put_plan("p", "{}", None)
         store.put_plan("q", None, "too far")
-    with Store(path) as store:
-        assert store.outcome("a") == ROW[2]
-        assert store.plan("p") == ("{}", None)
-        assert store.plan("q") == (None, "too far")
-        store.put_outcome("a", "pd", "", "again", 0.0)
-        assert store.outcome("a") == "again"
-        assert store.outcome("b") is None
+    with open_to_write(tmp_path / "deep" / "runs.sqlite", META) as store:
+        assert [store.plan(key) for key in "pqr"] == [("{}", None), (None, "too far"), None]
 
 
-def test_every_entry_is_on_the_disk_before_the_next_is_begun(tmp_path):
+def test_every_row_is_on_the_disk_before_the_next_is_begun(tmp_path):
     """A process that is killed in the middle of writing leaves all that it had put."""
     program = (
-        "import os, signal, sys; from pathlib import Path; from flipdiagram.flips.store import Store\n"
-        "with Store(Path(sys.argv[1])) as store:\n"
-        "    for k in range(20): store.put_outcome(str(k), 'pd', '', f'outcome {k}', 0.0)\n"
+        "import os, signal, sys; from pathlib import Path\n"
+        "from flipdiagram.flips.store import Row; from flipdiagram.flips.store_file import open_to_write\n"
+        f"with open_to_write(Path(sys.argv[1]), {META}) as store:\n"
+        f"    for k in range(20): store.put([Row(k, *{astuple(row(0))[1:]})])\n"
         "    os.kill(os.getpid(), signal.SIGKILL)\n"
     )
     path = tmp_path / "runs.sqlite"
-    done = subprocess.run([sys.executable, "-c", program, str(path)], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", program, str(path)], capture_output=True, text=True, timeout=HUNG)
     assert done.returncode == -9, done.stderr
-    with Store(path) as store:
-        assert [store.outcome(str(k)) for k in range(20)] == [f"outcome {k}" for k in range(20)]
+    with open_to_write(path, META) as store:
+        assert list(store.rows()) == [row(k) for k in range(20)]
 
 
-def test_two_stores_on_one_file_lose_nothing(tmp_path):
-    path, count, errors = tmp_path / "runs.sqlite", 40, []
-
-    def write(name):
-        try:
-            with Store(path) as store:
-                for k in range(count):
-                    store.put_outcome(f"{name}{k}", "pd", "", name, 0.0)
-        except Exception as error:  # a thread's error would go unseen
-            errors.append(error)
-
-    threads = [threading.Thread(target=write, args=(name,)) for name in "ab"]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert not errors
-    with Store(path) as store, Store(path) as other:
-        assert all(store.outcome(f"{name}{k}") == name for name in "ab" for k in range(count))
-        store.put_outcome("new", *ROW)
-        assert other.outcome("new") == ROW[2]  # seen at once
-
-
-def test_two_stores_that_open_a_new_file_at_once_both_get_it(tmp_path):
-    """A race, so many times over: without patience about one in ten fails."""
-    for k in range(40):
-        path, errors, together = tmp_path / f"{k}.sqlite", [], threading.Barrier(2)
-
-        def begin(name, path=path, errors=errors, together=together):
-            together.wait()
-            try:
-                with Store(path) as store:
-                    store.put_outcome(name, *ROW)
-            except Exception as error:
-                errors.append(error)
-
-        threads = [threading.Thread(target=begin, args=(name,)) for name in "ab"]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-        assert not errors
-
-
-def refused(path, *words):
-    with pytest.raises(InputError) as caught, Store(path) as store:
-        store.outcome("a")
-        store.put_outcome("a", *ROW)
-    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
-    for word in words:
-        assert word in str(caught.value)
-
-
-def test_a_file_of_a_newer_version_is_refused_and_left_alone(tmp_path):
-    path = tmp_path / "runs.sqlite"
-    with Store(path) as store:
-        store.put_outcome("a", *ROW)
-    connection = sqlite3.connect(path)
-    connection.execute(f"PRAGMA user_version = {VERSION + 1}")
-    connection.close()
-    before = path.read_bytes()
-    refused(path, f"version {VERSION + 1}", "newer", f"at most {VERSION}")
-    assert path.read_bytes() == before
-
-
-def test_a_damaged_file_is_refused_and_left_alone(tmp_path):
-    path = tmp_path / "runs.sqlite"
-    path.write_bytes(b"this is a letter, not a database\n" * 100)
-    before = path.read_bytes()
-    refused(path, "not a database")
-    assert path.read_bytes() == before
-
-
-def test_a_file_with_a_damaged_page_is_refused(tmp_path):
-    path = tmp_path / "runs.sqlite"
-    with Store(path) as store:
-        for k in range(200):
-            store.put_outcome(f"{k:04d}", "pd", "", "x" * 200, 0.0)
-    data = bytearray(path.read_bytes())
-    data[4096:] = b"\xff" * (len(data) - 4096)  # all but the first page
-    path.write_bytes(bytes(data))
-    with pytest.raises(InputError, match="malformed"), Store(path) as store:
-        for k in range(200):
-            store.outcome(f"{k:04d}")
-
-
-def test_a_full_disk_is_one_line_and_what_was_finished_stays(tmp_path):
-    path = tmp_path / "runs.sqlite"
-    with Store(path) as store:
-        store.put_outcome("first", *ROW)
-        store._database.execute("PRAGMA max_page_count = 8")
-        with pytest.raises(InputError, match="full"):
-            for k in range(100):
-                store.put_outcome(f"k{k}", "pd", "", "x" * 4000, 0.0)
-        assert store.outcome("first") == ROW[2]
-        kept = [k for k in range(100) if store.outcome(f"k{k}") is not None]
-        assert kept == list(range(len(kept))) and 0 < len(kept) < 100
-    with Store(path) as store:
-        assert [k for k in range(100) if store.outcome(f"k{k}") is not None] == kept
-
-
-def test_a_file_that_another_process_holds_is_waited_for_and_then_named(tmp_path, monkeypatch):
-    path = tmp_path / "runs.sqlite"
-    with Store(path) as store:
-        store.put_outcome("a", *ROW)
-    monkeypatch.setattr(module, "PATIENCE", 0.1)
-    other = sqlite3.connect(path, isolation_level=None)
+def test_a_file_that_another_process_holds_is_waited_for_and_then_named(file, monkeypatch):
+    monkeypatch.setattr(store_file, "PATIENCE", 0.1)
+    other = sqlite3.connect(file, isolation_level=None)
     other.execute("BEGIN EXCLUSIVE")
     try:
-        refused(path, "locked")
+        refused(file, "locked")
     finally:
         other.close()
 
 
+def test_a_damaged_file_is_refused(file):
+    with open_to_write(file, META) as results:
+        results.put([row(k, "y" * 300) for k in range(100, 400)])
+    data = bytearray(file.read_bytes())
+    data[4096 * 6 :] = b"\xff" * (len(data) - 4096 * 6)
+    file.write_bytes(bytes(data))
+    refused(file, "cannot be used")
+
+
+def test_a_full_disk_is_one_line_and_what_was_finished_stays(file):
+    with open_to_write(file, META) as results:
+        pages = results._database.execute("PRAGMA page_count").fetchone()[0]
+        results._database.execute(f"PRAGMA max_page_count = {pages + 3}")
+        with pytest.raises(InputError, match="full"):
+            for k in range(10, 1000):
+                results.put([row(k, "z" * 3000)])
+    with open_to_read(file) as results:
+        there = len(results.done())
+    assert 5 < there < 100
+    with open_to_write(file, META) as results:  # space again
+        results.put([row(1000)])
+        assert len(results.done()) == there + 1
+
+
 def test_a_place_where_nothing_can_be_written_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    refused(tmp_path / "file" / "runs.sqlite")
-    (tmp_path / "folder" / "runs.sqlite").mkdir(parents=True)
-    refused(tmp_path / "folder" / "runs.sqlite", "unable to open")
-
-
-def test_a_folder_that_even_root_may_not_write_to_is_named():
-    refused(Path("/proc/self/runs.sqlite"), "unable to open")
+    refused(tmp_path / "file" / "campaign.sqlite", reading=False)
+    (tmp_path / "folder" / "campaign.sqlite").mkdir(parents=True)
+    refused(tmp_path / "folder" / "campaign.sqlite")
+    refused(Path("/proc/self/runs.sqlite"), reading=False)  # where even root may not
+    with pytest.raises(InputError, match="is no file"), open_to_read(tmp_path / "nothing"):
+        pass

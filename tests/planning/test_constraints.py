@@ -90,18 +90,15 @@ def test_contact_is_kept_at_both_ends_of_every_interval(point):
     def friction(states, inputs):
         a, theta = both_ends(point, states, inputs)
         tangential, normal = contact.contact_force(a[:, :2], theta)
-        margins = np.concatenate([mu * normal - tangential, mu * normal + tangential])
-        worst = np.minimum(*margins.reshape(2, -1))
-        np.testing.assert_allclose(worst, contact.friction_margin(a[:, :2], theta, mu), atol=1e-12)
-        return margins
+        return np.concatenate([mu * normal - tangential, mu * normal + tangential])
 
     def normal(states, inputs):
         a, theta = both_ends(point, states, inputs)
-        return contact.normal_margin(a[:, :2], theta, PLANNER.minimum_normal)
+        return contact.contact_force(a[:, :2], theta)[1] - PLANNER.minimum_normal
 
     def support(states, inputs):
         a, theta = both_ends(point, states, inputs)
-        force = contact.normal_margin(a[:, :2], theta)
+        force = contact.contact_force(a[:, :2], theta)[1]
         off = force * contact.centre_of_pressure(a, theta, THING.thickness / 2, k2) / reach
         # where nothing presses there is no centre of pressure; the moment balance still stands
         torque = (k2 * a[:, 2] - THING.thickness / 2 * contact.contact_force(a[:, :2], theta)[0]) / reach

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from shared import default_plan
 
 from flipdiagram.errors import PlanningError
-from flipdiagram.planning import plan_motion
 from flipdiagram.planning.replanner import Replanner
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import Scenario
@@ -17,8 +17,8 @@ def scenario():
 
 
 @pytest.fixture(scope="module")
-def plan(scenario):
-    return plan_motion(scenario)
+def plan():
+    return default_plan()
 
 
 @pytest.fixture(scope="module")

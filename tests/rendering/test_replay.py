@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 from conftest import ALTERNATIVES
+from patience import HUNG
 from synthetic import DROP, recording, recordings
 
 from flipdiagram.errors import InputError
@@ -142,7 +143,7 @@ def test_a_browser_without_network_shows_each_block_where_the_recording_has_it(p
         " --virtual-time-budget=4000 --dump-dom"
     ).split()
     command = [chromium, *options, f"--user-data-dir={tmp_path / 'profile'}", f"{path.as_uri()}#t={STOP}"]
-    done = subprocess.run(command, capture_output=True, timeout=100, text=True)
+    done = subprocess.run(command, capture_output=True, timeout=HUNG, text=True)
     found = re.search(r'<pre id="probe">(.*?)</pre>', done.stdout)
     assert found, done.stderr[-2000:]
     shown = json.loads(found.group(1))

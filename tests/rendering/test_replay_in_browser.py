@@ -8,6 +8,7 @@ import subprocess
 import numpy as np
 import pytest
 from conftest import ALTERNATIVES
+from patience import HUNG
 
 from flipdiagram.rendering import replay
 from flipdiagram.scenario.scenario import Scenario
@@ -58,7 +59,7 @@ def browse(folder, page, *options, at=""):
     path.write_text(page, encoding="utf-8")
     chromium = next(filter(None, map(shutil.which, ALTERNATIVES["chromium"])))
     command = [chromium, *BASE, *options, f"--user-data-dir={folder / 'profile'}", f"{path.as_uri()}{at}"]
-    return subprocess.run(command, capture_output=True, timeout=100, text=True)
+    return subprocess.run(command, capture_output=True, timeout=HUNG, text=True)
 
 
 @pytest.mark.needs("chromium")

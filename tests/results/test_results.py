@@ -5,6 +5,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -15,8 +16,9 @@ from matplotlib.figure import Figure
 from synthetic import END, MOTION, RELEASE, recording
 
 from flipdiagram.errors import InputError
-from flipdiagram.figures import motion as figures
+from flipdiagram.figures.style import STYLES
 from flipdiagram.files import write_summary
+from flipdiagram.flips.outcome import Outcome
 from flipdiagram.planning.plan import Plan
 from flipdiagram.results import compare, info, open_result
 from flipdiagram.results.signals import components, pretty, unit_of
@@ -25,20 +27,18 @@ from flipdiagram.simulation import metrics
 from flipdiagram.simulation.margins import with_margins
 from flipdiagram.simulation.metrics import FlipMetrics, measure
 from flipdiagram.simulation.recording_files import save_recording
+from flipdiagram.studies.experiment import claims as experiment
+from flipdiagram.studies.experiment.claims import Row
 from flipdiagram.studies.experiment.run import recording_name
-
-POSE = "1, 1, 1, 1, m, m, m"
+from flipdiagram.studies.frequency import claims as frequency
 
 
 def flown(architecture="pd+ff+dob", **overrides):
-    """A hand-made recording with margins and scenario, as a simulated one has them."""
+    """A hand-made recording with margins, as a simulated one has them."""
     scenario = Scenario().with_overrides({name.replace("__", "."): value for name, value in overrides.items()})
-    data = recording(architecture).copy(deep=True)
-    for name in ("tool_pose", "block_pose"):
-        data[name].attrs["units"] = POSE
+    data = recording(architecture).copy(deep=True).assign_attrs(scenario=scenario.to_yaml())
     origin, force = data["tool_pose"].values[:, 4:], data["contact_force"].sel(pair="blade-block").values
-    data = with_margins(data, np.cross(origin, force), scenario)
-    return data.assign_attrs(scenario=scenario.to_yaml())
+    return with_margins(data, np.cross(origin, force), scenario)
 
 
 def a_plan(cost=1.0, intervals=7):
@@ -102,7 +102,7 @@ def test_columns_have_flat_names_units_and_the_values_of_the_recording(best):
 def test_csv_reads_back_exactly_with_units_in_the_header(best, tmp_path):
     path = best.flip.to_csv(tmp_path / "new" / "flip.csv")
     header = path.read_text().splitlines()[0].split(",")
-    assert header[0] == "time [s]" and "x_y [m]" in header and "tau_S [N m]" in header and "a_theta [rad/s^2]" in header
+    assert header[0] == "time [s]" and "x_y [m]" in header and "tau_S [N m]" in header and "a_theta [rad/s2]" in header
     table = np.genfromtxt(path, delimiter=",", skip_header=1)  # a reader that knows nothing of us
     np.testing.assert_array_equal(table[:, 0], best["time"].values)
     np.testing.assert_array_equal(table[:, header.index("x_z [m]")], best["x"].values[:, 1])
@@ -152,7 +152,7 @@ def test_units_are_read_from_names_and_written_for_figures():
         unit_of(name)
         for name in ("position_rmse_m", "acceleration_rmse_m_s2", "max_torque_Nm", "iterations", "success")
     ] == ["m", "m/s2", "N m", "1", "1"]
-    assert [pretty(unit) for unit in ("m/s2", "rad/s^2", "N m", "1")] == ["m/s²", "rad/s²", "N m", "1"]
+    assert [pretty(unit) for unit in ("m/s2", "rad/s2", "N m", "1")] == ["m/s²", "rad/s²", "N m", "1"]
 
 
 def test_joints_of_any_number_and_name(best):
@@ -202,7 +202,7 @@ def test_a_dataset_that_is_no_recording_is_refused_by_every_method(best, tmp_pat
         ("x", 3, True),
         ("v", 3, True),
         ("tau", 6, False),
-        ("sliding_angle", 1, False),
+        ("sliding_angle", 1, True),
         ("x_y", 1, True),
         ("x_cmd", 3, False),
         ("contact_force", 9, False),
@@ -220,7 +220,7 @@ def test_every_signal_is_drawn_with_units_command_and_events(best, signal, count
         lines = {line.get_label(): line for line in panel.get_lines()}
         assert ("command" in lines) == (command or signal.endswith("_cmd"))
         if not signal.endswith("_cmd"):
-            assert to_hex(lines["PD + FF + DOB"].get_color()).upper() == figures.STYLES["pd+ff+dob"].color
+            assert to_hex(lines["PD + FF + DOB"].get_color()).upper() == STYLES["pd+ff+dob"].color
         at = {name: lines[name].get_xdata()[0] for name in ("planned release", "release", "touch-down")}
         assert at["planned release"] == RELEASE
         assert at["release"] == pytest.approx(measure(best).release_time_s)
@@ -269,7 +269,7 @@ def test_an_unknown_signal_is_named_with_what_was_meant(best):
 def test_an_architecture_of_ones_own_is_drawn_in_a_colour_of_its_own(best):
     mine = best.assign_attrs(architecture="adaptive")
     line = next(line for line in mine.flip.plot("x_y").get_lines() if line.get_label() == "adaptive")
-    assert to_hex(line.get_color()).upper() not in {style.color for style in figures.STYLES.values()}
+    assert to_hex(line.get_color()).upper() not in {style.color for style in STYLES.values()}
     assert mine.flip.path() and mine.flip.margins()
 
 
@@ -388,26 +388,17 @@ def turnover_body(datas, folder=None):
 
 def experiment_body(starts=(0.0, 0.02)):
     datas = {name: flown(name) for name in ("pd", "pd+ff+dob")}
-    runs = [measure(data).as_dict() | {"start_y_m": y, "plan": None} for y in starts for data in datas.values()]
-    runs[-1] = {
-        "architecture": "pd+ff+dob",
-        "start_y_m": starts[-1],
-        "success": False,
-        "failure": "no plan: far",
-        "plan": None,
-    }
-    claim = {"text": "it turns", "measured": "1 of 1", "paper": "yes", "numbers": {}, "difference": ""}
-    claims = [
-        claim | {"id": "E1", "holds": True},
-        claim | {"id": "E2", "holds": None},
-        claim | {"id": "E3", "holds": False},
-    ]
+    flown_from = [(y, replace(measure(data), start_y_m=y)) for y in starts for data in datas.values()]
+    rows = [Row(y, metrics.architecture, Outcome(metrics, metrics.failure)) for y, metrics in flown_from]
+    rows[-1] = Row(starts[-1], "pd+ff+dob", Outcome(None, "no plan: far"))
+    holds = {"E1": True, "E2": None, "E3": False}
+    claims = [experiment.Claim(id, "it turns", verdict, "1 of 1", "yes", {}) for id, verdict in holds.items()]
     return {
         "quick": True,
         "starts_y_m": list(starts),
         "architectures": list(datas),
-        "runs": runs,
-        "claims": claims,
+        "runs": [row.as_dict() for row in rows],
+        "claims": [claim.as_dict() for claim in claims],
         "second_engine": None,
     }
 
@@ -473,7 +464,7 @@ def frequency_body(factor=1.0):
         }
         for k, name in enumerate(("pd", "pd+dob"))
     ]
-    claims = [{"id": "C1", "claim": "follows", "holds": factor == 1.0, "measured": {"gain": 1.0}}]
+    claims = [frequency.Claim("C1", factor == 1.0, {"gain": 1.0}).as_dict()]
     return {"curves": curves, "torque": torque, "claims": claims, "seconds": factor}
 
 
@@ -577,21 +568,16 @@ def test_frequency_is_a_dataset_by_figure(tmp_path):
     assert found["claims"]["holds"].values == [1.0]
 
 
-@pytest.mark.parametrize("study", [*BODIES])
-def test_every_summary_dataset_can_be_saved_and_read(study, tmp_path):
-    found = open_result(summary_file(tmp_path, study))
-    for name, data in found.items() if isinstance(found, dict) else [("all", found)]:
-        data.to_netcdf(tmp_path / f"{name}.nc", engine="scipy")
-        with xr.open_dataset(tmp_path / f"{name}.nc", engine="scipy") as read:
-            assert set(read.data_vars) == set(data.data_vars)
-
-
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
         ("summary.json", "{", "not valid JSON"),
         ("summary.json", "[1]", "has schema null"),
-        ("summary.json", '{"schema": "flipdiagram/other/1"}', "'flipdiagram/other/1'|valid are flipdiagram/turnover/1"),
+        (
+            "summary.json",
+            '{"schema": "flipdiagram/other/1"}',
+            "valid are flipdiagram/plan/1, flipdiagram/turnover/1, .*flipdiagram/tuning/1",
+        ),
         ("summary.json", '{"schema": "flipdiagram/turnover/2"}', "newer than this flipdiagram"),
         ("summary.json", '{"schema": "flipdiagram/turnover/0"}', "older than this flipdiagram"),
         ("summary.json", '{"schema": "flipdiagram/turnover/1"}', "is damaged: it lacks 'versions'"),
@@ -667,13 +653,6 @@ def test_another_dataset_is_told_apart_from_a_recording(tmp_path):
 
 
 # ---- compare and info of summaries
-
-
-@pytest.mark.parametrize("study", [*BODIES])
-def test_a_summary_compared_with_itself_differs_in_nothing(study, tmp_path):
-    path = summary_file(tmp_path, study)
-    found = compare(path, tmp_path)
-    assert found.same and found.kind == study, found.to_markdown()
 
 
 def test_summaries_tell_verdicts_numbers_and_fields_that_differ(tmp_path):

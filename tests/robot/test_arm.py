@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 
 import numpy as np
 import pytest
@@ -11,9 +12,12 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.symbolic import Expression, MakeVectorVariable
 
 from flipdiagram.errors import InputError, PlanningError
-from flipdiagram.robot import model_files as assets
 from flipdiagram.robot import task_space
-from flipdiagram.robot.arm import AXES, ArmModel, add_arm
+from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.arm_spec import ArmFile, ArmSpec
+from flipdiagram.robot.assembly import add_arm
+from flipdiagram.robot.model_files import model_path
+from flipdiagram.robot.task_space import AXES
 
 # alpha [deg], a [m], d [m], theta_0 [deg] of S L U R B T
 MODIFIED_DH = (
@@ -52,7 +56,7 @@ def states(arm):
 
 def test_flange_is_the_dh_frame_at_random_joint_angles():
     plant = MultibodyPlant(0.0)
-    handles = add_arm(plant)
+    handles = add_arm(plant, ArmSpec())
     plant.Finalize()
     context = plant.CreateDefaultContext()
     rng = np.random.default_rng(1)
@@ -83,7 +87,7 @@ def test_reach_is_532_mm(arm):
 
 def test_control_point_is_tool_height_above_the_blade():
     q = [0.3, 0.4, 0.5, 0.6, -0.7, 1.0]
-    low, high = ArmModel(tool_height=0.0), ArmModel(tool_height=0.02)
+    low, high = (ArmModel(ArmSpec(tool_height=height)) for height in (0.0, 0.02))
     difference = high.task_position(q) - low.task_position(q)
     normal = low.X_WT(q).rotation().matrix()[:, 2]
     np.testing.assert_allclose(difference, [*(0.02 * normal[1:]), 0, 0.02 * normal[0], 0, 0], atol=1e-12)
@@ -99,7 +103,7 @@ def test_limits_are_the_published_ones_in_our_signs(arm):
 
 
 def test_scales_act_on_what_they_name(arm):
-    scaled = ArmModel(speed_scale=1.5, torque_scale=0.5)
+    scaled = ArmModel(ArmSpec(speed_scale=1.5, torque_scale=0.5))
     np.testing.assert_allclose(scaled.qd_max, 1.5 * arm.qd_max)
     np.testing.assert_allclose(scaled.tau_max, 0.5 * arm.tau_max)
     np.testing.assert_array_equal(scaled.q_max, arm.q_max)
@@ -245,7 +249,7 @@ def test_mass_matrix_is_symmetric_positive_definite(arm, states):
 
 
 def test_reflected_inertia_is_in_mass_matrix_and_inverse_dynamics(states):
-    bare, rotors, doubled = (ArmModel(reflected_inertia_scale=scale) for scale in (0, 1, 2))
+    bare, rotors, doubled = (ArmModel(ArmSpec(reflected_inertia_scale=scale)) for scale in (0, 1, 2))
     q, qd = states[0]
     np.testing.assert_allclose(rotors.mass_matrix(q) - bare.mass_matrix(q), np.diag(REFLECTED), rtol=1e-3, atol=1e-12)
     qdd = np.arange(1.0, 7.0)
@@ -292,19 +296,9 @@ def test_gravity_torque_of_the_horizontal_arm_by_hand(arm):
     assert holding[0] == pytest.approx(0, abs=1e-12)
 
 
-def test_payload_rides_at_the_control_point(arm):
-    mass, inertia, q = 0.061, 2.2e-5, arm.inverse_kinematics(START)
-    loaded = ArmModel(payload_mass=mass, payload_inertia=inertia)
-    J = arm.task_jacobian(q)[1]
-    weight = np.array([0, mass * 9.81, 0, 0, 0, 0])
-    np.testing.assert_allclose(loaded.gravity_torque(q) - arm.gravity_torque(q), J.T @ weight, atol=1e-9)
-    W = np.diag([mass, mass, inertia, mass, inertia, inertia])  # at theta = pitch = yaw = 0 angle rates are w
-    np.testing.assert_allclose(loaded.mass_matrix(q) - arm.mass_matrix(q), J.T @ W @ J, atol=1e-9)
-
-
 def test_link_inertia_scale_scales_all_but_rotors_and_spatula(arm):
     q = arm.home
-    masses = [ArmModel(link_inertia_scale=s, reflected_inertia_scale=0).mass_matrix(q) for s in (1, 1.3, 1.6)]
+    masses = [ArmModel(ArmSpec(link_inertia_scale=s, reflected_inertia_scale=0)).mass_matrix(q) for s in (1, 1.3, 1.6)]
     np.testing.assert_allclose(masses[2] - masses[1], masses[1] - masses[0], atol=1e-12)
     without_links = masses[0] - (masses[1] - masses[0]) / 0.3
     assert without_links[1, 1] == pytest.approx(0.150 * (0.5 - 0.064) ** 2, rel=0.05), "the spatula's about L"
@@ -318,14 +312,29 @@ def test_link_inertia_scale_scales_all_but_rotors_and_spatula(arm):
         ({"link_inertia_scale": math.nan}, "link_inertia_scale = nan"),
         ({"reflected_inertia_scale": -1.0}, "reflected_inertia_scale = -1.0"),
         ({"tool_height": -0.1}, "tool_height = -0.1"),
-        ({"payload_mass": -1.0}, "payload_mass = -1.0"),
-        ({"payload_inertia": 1.0}, "needs a payload_mass above 0"),
-        ({"arm": "nowhere.urdf"}, "arm.file = 'nowhere.urdf' cannot be read"),
+        ({"link_inertia_scales": (1.0, 0.0)}, "link_inertia_scales[1] = 0.0"),
+        ({"reflected_inertia_scales": (math.inf,)}, "reflected_inertia_scales[0] = inf"),
     ],
 )
-def test_bad_options_are_named(options, message):
-    with pytest.raises(InputError, match=message.replace(".", r"\.")):
-        ArmModel(**options)
+def test_bad_numbers_of_a_spec_are_named_and_carried(options, message):
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
+        ArmSpec(**options)
+    assert caught.value.field == message.split(" ")[0] and str(caught.value.value) == message.split(" ")[2]
+
+
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [("nowhere.urdf", "cannot be read"), ("arm.step", "no known format; valid is .urdf, .sdf, .xml")],
+)
+def test_a_file_that_is_no_arm_is_named(path, message):
+    with pytest.raises(InputError, match=f"arm.file = '{path}' .*{message}"):
+        ArmFile(path)
+
+
+@pytest.mark.parametrize("name", ["link_inertia_scales", "reflected_inertia_scales"])
+def test_factors_per_joint_must_be_one_each(name):
+    with pytest.raises(InputError, match=rf"{name} = \[1.0, 2.0\] has 2 entries; valid is one per joint, S L U R B T"):
+        ArmModel(ArmSpec(**{name: (1.0, 2.0)}))
 
 
 def test_bad_vectors_are_named(arm):
@@ -341,7 +350,7 @@ def test_bad_vectors_are_named(arm):
 
 def test_another_arm_may_have_another_number_of_joints(tmp_path):
     """A seventh joint under the base: the same poses are reached, with joint names and limits from that file."""
-    text = assets.model_path("mh3f.urdf").read_text(encoding="utf-8")
+    text = model_path("mh3f.urdf").read_text(encoding="utf-8")
     extra = """
       <link name="base"/>
       <joint name="E" type="revolute"><parent link="base"/><child link="turntable"/><axis xyz="0 0 1"/>
@@ -353,7 +362,7 @@ def test_another_arm_may_have_another_number_of_joints(tmp_path):
     )
     path = tmp_path / "seven.urdf"
     path.write_text(text.replace("</robot>", extra + "</robot>"), encoding="utf-8")
-    arm = ArmModel(arm=str(path))
+    arm = ArmModel(ArmSpec(own=ArmFile(str(path))))
     assert arm.joint_names == ("E", "S", "L", "U", "R", "B", "T") and arm.tau_rated[0] == 50
     np.testing.assert_allclose(arm.q_max[:2], [1, math.radians(160)], atol=1e-6)
     q = arm.inverse_kinematics(START + [0.1, 0, 0.5, 0, 0, 0])
@@ -372,6 +381,6 @@ def test_another_arm_may_have_another_number_of_joints(tmp_path):
 )
 def test_an_arm_file_that_lacks_something_is_refused(tmp_path, old, new, message):
     path = tmp_path / "arm.urdf"
-    path.write_text(assets.model_path("mh3f.urdf").read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
+    path.write_text(model_path("mh3f.urdf").read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
     with pytest.raises(InputError, match=message):
-        ArmModel(arm=str(path))
+        ArmModel(ArmSpec(own=ArmFile(str(path))))

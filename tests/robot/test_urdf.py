@@ -12,15 +12,18 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from flipdiagram.errors import InputError
-from flipdiagram.robot import model_files as assets
-from flipdiagram.robot import own_files as arm_files
+from flipdiagram.robot import model_files
+from flipdiagram.robot.own_files import joint_numbers
 
 FILES = ("mh3f.urdf", "spatula.urdf", "block.sdf", "table.sdf")
 DRAKE = "{http://drake.mit.edu}"
+SPATULA = {"blade_size": (0.10, 0.09, 0.002), "tool_length": 0.14, "mass": 0.15, "friction": 1.86}
+BLOCK = {"size": (0.062, 0.065, 0.010), "mass": 0.061, "friction": 1.86, "modulus": 1e6, "dissipation": 20.0}
+"""The numbers of the files, which are the scenario's defaults."""
 
 
 def text_of(name):
-    return assets.model_path(name).read_text(encoding="utf-8")
+    return model_files.model_path(name).read_text(encoding="utf-8")
 
 
 def parsed(text, kind):
@@ -62,7 +65,7 @@ def test_collision_geometry_is_on_blade_block_and_table_only():
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.001)
     for name in FILES:
-        Parser(plant).AddModels(str(assets.model_path(name)))
+        Parser(plant).AddModels(str(model_files.model_path(name)))
     plant.Finalize()
     inspector = scene_graph.model_inspector()
     solid = [inspector.GetName(g) for g in inspector.GetAllGeometryIds(Role.kProximity)]
@@ -107,19 +110,19 @@ def test_rotor_inertia_times_ratio_squared_is_the_reflected_inertia():
 
 def test_home_lies_inside_the_limits_and_a_joint_without_it_gets_the_middle():
     text = text_of("mh3f.urdf")
-    for name, angle in arm_files.home_angles(text).items():
+    for name, angle in joint_numbers(text).home.items():
         limit = ElementTree.fromstring(text).find(f"joint[@name='{name}']/limit")
         assert float(limit.get("lower")) < angle < float(limit.get("upper"))
     plain = re.sub(r' (?:home|rated_effort)="[^"]*"', "", text)
-    assert arm_files.home_angles(plain) is None
+    assert joint_numbers(plain).home is None
     some = re.sub(r' home="[^"]*"', "", text, count=2)
-    assert arm_files.home_angles(some)["L"] == pytest.approx(np.radians(2.5), abs=1e-5)
-    assert arm_files.rated_torques(plain)["L"] == 213.9
+    assert joint_numbers(some).home["L"] == pytest.approx(np.radians(2.5), abs=1e-5)
+    assert joint_numbers(plain).rated_torque["L"] == 213.9
 
 
 def test_spatula_inertia_in_the_file_is_that_of_its_shape():
     """File and formula agree, and the formula agrees with a blade and a rod put together by hand."""
-    for text in (text_of("spatula.urdf"), assets.spatula_urdf()):
+    for text in (text_of("spatula.urdf"), model_files.spatula_urdf(**SPATULA)):
         plant, instance = parsed(text, "urdf")
         inertia = plant.GetBodyByName("spatula").default_spatial_inertia()
         blade, handle = 0.049, 0.101
@@ -134,7 +137,7 @@ def test_spatula_inertia_in_the_file_is_that_of_its_shape():
 
 
 def test_spatula_takes_the_scenarios_numbers():
-    text = assets.spatula_urdf(blade_size=(0.12, 0.08, 0.003), tool_length=0.2, mass=0.3, friction=0.5)
+    text = model_files.spatula_urdf(blade_size=(0.12, 0.08, 0.003), tool_length=0.2, mass=0.3, friction=0.5)
     plant, _ = parsed(text, "urdf")
     context = plant.CreateDefaultContext()
     T_in_body = plant.GetFrameByName("tool").CalcPose(context, plant.GetFrameByName("spatula"))
@@ -148,7 +151,7 @@ def test_spatula_takes_the_scenarios_numbers():
 
 
 def test_block_is_a_homogeneous_box_of_the_papers_size():
-    for text in (text_of("block.sdf"), assets.block_sdf()):
+    for text in (text_of("block.sdf"), model_files.block_sdf(**BLOCK)):
         plant, _ = parsed(text, "sdf")
         inertia = plant.GetBodyByName("block").default_spatial_inertia()
         assert inertia.get_mass() == 0.061
@@ -158,9 +161,7 @@ def test_block_is_a_homogeneous_box_of_the_papers_size():
 
 
 def test_block_takes_the_scenarios_numbers():
-    text = assets.block_sdf(
-        size=(0.1, 0.2, 0.02), mass=0.5, friction=0.3, hydroelastic_modulus=2e5, hunt_crossley_dissipation=5
-    )
+    text = model_files.block_sdf(size=(0.1, 0.2, 0.02), mass=0.5, friction=0.3, modulus=2e5, dissipation=5.0)
     root = ElementTree.fromstring(text)
     assert [e.text for e in root.iter("size")] == ["0.1 0.2 0.02"] * 2
     assert float(root.find(".//ixx").text) == pytest.approx(0.5 / 12 * (0.2**2 + 0.02**2))
@@ -170,25 +171,18 @@ def test_block_takes_the_scenarios_numbers():
 
 
 def test_table_hangs_below_its_frame():
-    root = ElementTree.fromstring(assets.table_sdf(size=(0.4, 0.6, 0.05), friction=0.7))
-    assert [e.text for e in root.iter("pose")] == ["0 0 -0.025 0 0 0"] * 2
-    assert [e.text for e in root.iter("size")] == ["0.4 0.6 0.05"] * 2
+    root = ElementTree.fromstring(model_files.table_sdf(0.7))
+    assert [e.text for e in root.iter("pose")] == ["0 0 -0.01 0 0 0"] * 2
+    assert [[float(edge) for edge in e.text.split()] for e in root.iter("size")] == [list(model_files.table_size())] * 2
+    assert [e.text for e in root.iter() if e.tag.startswith(DRAKE + "mu")] == ["0.7", "0.7"]
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: assets.model_path("mh5.urdf"), "no model file 'mh5.urdf'; choose from .*mh3f.urdf, spatula.urdf"),
-        (lambda: assets.spatula_urdf(tool_length=0.05), "leaves no handle; valid is more than half the blade, 0.05 m"),
-        (lambda: assets.spatula_urdf(blade_size=(0.1, 0.1)), "valid are three lengths"),
-        (lambda: assets.spatula_urdf(friction=-0.1), "friction = -0.1 is not valid; valid is a number of at least 0"),
-        (lambda: assets.block_sdf(size=(0.1, 0.0, 0.1)), r"size\[1\] = 0.0 is not valid"),
-        (lambda: assets.block_sdf(mass=float("inf")), "mass = inf"),
-    ],
-)
-def test_bad_numbers_are_named(call, message):
-    with pytest.raises(InputError, match=message):
-        call()
+def test_bad_numbers_are_named():
+    with pytest.raises(InputError, match="no model file 'mh5.urdf'; choose from .*mh3f.urdf, spatula.urdf"):
+        model_files.model_path("mh5.urdf")
+    with pytest.raises(InputError, match="leaves no handle; valid is more than half the blade, 0.05 m") as caught:
+        model_files.spatula_urdf(**SPATULA | {"tool_length": 0.05})
+    assert (caught.value.field, caught.value.value) == ("tool_length", 0.05)
 
 
 def test_files_are_found_in_a_checkout_and_in_a_wheel(monkeypatch, tmp_path):
@@ -196,5 +190,5 @@ def test_files_are_found_in_a_checkout_and_in_a_wheel(monkeypatch, tmp_path):
         layout.mkdir(parents=True)
     (tmp_path / "checkout" / "flipdiagram").mkdir()
     for root, expected in (("wheel", "flipdiagram/urdf"), ("checkout", "urdf")):
-        monkeypatch.setattr(assets, "__file__", str(tmp_path / root / "flipdiagram" / "assets.py"))
-        assert assets.urdf_directory() == (tmp_path / root / expected).resolve()
+        monkeypatch.setattr(model_files, "__file__", str(tmp_path / root / "flipdiagram" / "robot" / "model_files.py"))
+        assert model_files.urdf_directory() == (tmp_path / root / expected).resolve()

@@ -1,4 +1,5 @@
 import math
+import re
 
 import pytest
 from hypothesis import given
@@ -6,8 +7,9 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from flipdiagram.errors import InputError
-from flipdiagram.scenario import text as scenario_io
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, field_paths, from_mapping, from_yaml, load
+from flipdiagram.scenario.text import describe_valid, fields_of, unit_of
+from flipdiagram.scenario.yaml_reader import line_of, parse_value, read_mapping
 
 
 def test_the_defaults_are_the_table_of_the_paper():
@@ -28,13 +30,9 @@ def test_a_scenario_cannot_be_changed_in_place():
 
 
 def test_every_field_says_what_it_is_and_in_which_unit():
-    for path in field_paths():
-        section, name = path.split(".")
-        field = scenario_io.section_of(Scenario, section).model_fields[name]
-        assert field.description, path
-        assert field.description.endswith("]") or scenario_io.describe_valid(field).startswith(("one of", "a text")), (
-            path
-        )
+    for path, field in fields_of(Scenario).items():
+        assert field.description and not field.description.endswith("]"), path
+        assert unit_of(field) or describe_valid(field).startswith(("one of", "a text")), path
 
 
 # Each row: YAML, then what its one line must contain.
@@ -190,7 +188,7 @@ def test_with_overrides_leaves_the_original_alone():
     [("400", 400), ("1e-3", 0.001), ("null", None), ("[1, 2]", [1, 2]), ("osqp", "osqp"), ("true", True), ("", None)],
 )
 def test_an_override_is_read_as_yaml(text, value):
-    assert scenario_io.parse_value(text, "a.b") == value
+    assert parse_value(text, "a.b") == value
 
 
 def test_load_reads_a_partial_file(tmp_path):
@@ -210,3 +208,36 @@ def test_load_names_the_file_that_it_cannot_read(tmp_path):
 
 def test_mappings_of_python_are_read_too():
     assert from_mapping({"planner": {"contact_samples": [10, 20]}}).planner.contact_samples == (10, 20)
+
+
+def test_the_reader_tells_the_line_of_every_key_and_item_as_pydantic_names_them():
+    text = "vary:\n  object.mass:\n    choice:\n      - 1\n      - [2, 3]\ntrials: 8\n"
+    data, lines = read_mapping(text, "campaign 'a.yaml'")
+    assert data == {"vary": {"object.mass": {"choice": [1, [2, 3]]}}, "trials": 8}
+    keys = {("vary",): 1, ("vary", "object.mass"): 2, ("vary", "object.mass", "choice"): 3, ("trials",): 6}
+    items = {("vary", "object.mass", "choice", 0): 4, ("vary", "object.mass", "choice", 1): 5}
+    assert lines == keys | items | {("vary", "object.mass", "choice", 1, k): 5 for k in (0, 1)}
+    assert line_of(lines, ["vary", "object.mass", "choice", 1]) == ", line 5"
+    assert line_of(lines, ["trials", "more", 0]) == ", line 6", "the nearest key above"
+    assert line_of(lines, ["none"]) == line_of(lines, []) == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a:\n  b:\n    c: 1\n    c: 2", "campaign, line 4: 'a.b.c' stands twice, on lines 3 and 4; valid is once"),
+        ("a:\n- {b: 1, b: 2}", "campaign, line 2: 'a.0.b' stands twice, on lines 2 and 2; valid is once"),
+        ("a: 1\nb: [1", "campaign, line 2: not valid YAML: .+"),
+        ("a: !!python/object/apply:os.system [id]", "campaign, line 1: not valid YAML: .*python.*"),
+        ("3", "campaign = 3 is no mapping; valid is 'vary: …'"),
+    ],
+)
+def test_the_reader_refuses_with_the_line(text, message):
+    with pytest.raises(InputError) as caught:
+        read_mapping(text, "campaign", valid="'vary: …'")
+    assert re.fullmatch(message, str(caught.value))
+
+
+def test_an_alias_of_what_holds_it_is_read_not_walked_for_ever():
+    data, lines = read_mapping("a: &a\n  b: *a", "campaign")
+    assert data["a"]["b"] is data["a"] and lines == {("a",): 1, ("a", "b"): 2}

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from shared import default_flip, default_plan
 
 from flipdiagram.errors import SimulationError
-from flipdiagram.planning import plan_motion
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation import metrics
@@ -14,12 +14,12 @@ from flipdiagram.theory import contact
 
 @pytest.fixture(scope="module")
 def plan():
-    return plan_motion(Scenario())
+    return default_plan()
 
 
 @pytest.fixture(scope="module")
-def flip(plan):
-    return simulate(Scenario(), "pd+ff+dob", plan)
+def flip():
+    return default_flip()
 
 
 def test_the_proposed_controller_turns_the_block_over(flip):

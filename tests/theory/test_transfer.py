@@ -182,7 +182,7 @@ def test_an_unstable_loop_is_named_with_its_pole():
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf, math.pi / 1e-4])
 def test_frequencies_that_are_none(bad):
-    with pytest.raises(InputError, match="must be finite, > 0 and below"):
+    with pytest.raises(InputError, match="valid is finite, above 0 and below"):
         loop(period=1e-4).command([1.0, bad])
 
 
@@ -190,5 +190,5 @@ def test_frequencies_that_are_none(bad):
     "bad", [{"mass": 0.0}, {"k_p": -1.0}, {"k_v": math.nan}, {"g_dis": -3.0}, {"feedforward": "measured"}]
 )
 def test_numbers_that_make_no_loop(bad):
-    with pytest.raises(InputError, match="it must be finite and"):
+    with pytest.raises(InputError, match="valid is finite and"):
         loop(**bad)

@@ -1,0 +1,104 @@
+"""A campaign from its specification to its file: what is missing is flown, by whatever workers."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from flipdiagram.campaign.checks import check_estimate
+from flipdiagram.campaign.specification import Specification
+from flipdiagram.flips.driver import Flying, fly_all
+from flipdiagram.flips.flight import Flight, Work, fly_flight, plan_drawn_flight, provenance
+from flipdiagram.flips.flip import scenario_digest
+from flipdiagram.flips.run import Clock
+from flipdiagram.flips.store import refusal
+from flipdiagram.flips.store_file import open_to_write
+from flipdiagram.flips.workers import workers_of
+
+FILE = "campaign.sqlite"
+COMPARED = 500
+"""Rows of an earlier run whose scenario is drawn again to see that it comes out the same."""
+WORK = Work(plan_drawn_flight, fly_flight)
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A campaign that has run to its end: its file, flips flown now, and by which workers."""
+
+    file: Path
+    flown: int
+    workers: str
+
+
+def run(
+    specification: Specification,
+    out: str | Path,
+    *,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    resume: bool = False,
+    any_version: bool = False,
+    progress: Progress = lambda text: None,
+    work: Work = WORK,
+) -> Ended:
+    """Fly every trial under every architecture into `out`/campaign.sqlite.
+
+    Args:
+        specification: what is flown; one that would take longer than its `limit_hours` is refused.
+        out: folder of the file.
+        jobs: processes, by default one a core.
+        scheduler: address of a Dask scheduler, whose workers fly instead.
+        resume: go on with what is there.
+        any_version: even if code or versions have changed since.
+        progress: told how far it is.
+        work: what workers do.
+
+    Raises InputError for a file that cannot be used, SimulationError where the cluster is lost; what has ended is kept.
+    """
+    file, (code, versions, _) = Path(out) / FILE, provenance()
+    meta = {
+        "specification": json.dumps(specification.as_dict(), sort_keys=True, ensure_ascii=False),
+        "digest": specification.digest,
+        "text": specification.text,
+        "rows": str(specification.rows),
+        "code": code,
+        "versions": json.dumps(versions, sort_keys=True),
+        "begun": str(time.time()),
+    }
+    with workers_of(jobs, scheduler) as workers:
+        width = max(workers.width(), 1)
+        if not resume:  # nothing is written before all is checked
+            check_estimate(specification, width)
+        with open_to_write(file, meta, resume) as store:
+            if store.meta()["code"] != code and not any_version:
+                problem = f"was begun with other code or versions ({store.meta()['versions']})"
+                raise refusal(file, problem, "the same installation, another --out, or --any-version")
+            done = store.done()
+            _check_draws(specification, done, file)
+            missing = specification.rows - len(done)
+            check_estimate(specification, width, missing / specification.rows)
+            progress(f"{specification.rows} flips, {missing} of them to be flown, on {workers.name}")
+            tick = Clock(missing, progress).tick
+            flying = Flying(workers, store, work, specification.timeout, tick, any_version)
+            fly_all(missing_flights(specification, done), flying)
+        return Ended(file, missing, workers.name)
+
+
+def missing_flights(specification: Specification, done: Mapping[tuple[int, str], str]) -> Iterator[Flight]:
+    """Trial by trial, so that the architectures can be compared from the first row on."""
+    for index in range(specification.trials):
+        if names := [name for name in specification.architectures if (index, name) not in done]:
+            yield from specification.flights(index, names)
+
+
+def _check_draws(specification: Specification, done: Mapping[tuple[int, str], str], file: Path) -> None:
+    for index, name in list(done)[:: -(-len(done) // COMPARED) or 1]:
+        truth = specification.truth(specification.trial(index))
+        if scenario_digest(truth) != done[index, name]:
+            problem = f"holds a trial {index} that is drawn differently now (by another scipy or scenario?)"
+            raise refusal(file, problem, "the installation with which it was begun, or another --out")

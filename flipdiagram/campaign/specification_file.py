@@ -1,0 +1,117 @@
+"""A campaign's file as it stands there: which keys, of which kind; each error one line with its line number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar, get_args
+
+from pydantic import BaseModel, Field, ValidationError
+
+from flipdiagram.errors import InputError
+from flipdiagram.scenario.scenario import ARCHITECTURES, Architecture
+from flipdiagram.scenario.text import Section
+from flipdiagram.scenario.yaml_reader import Lines, line_of, read_mapping, show
+
+LARGEST = 1_000_000
+"""Characters that a specification may have."""
+MOST_TRIALS, MOST_SEED = 10_000_000, 2**32 - 1
+METRICS = ("position_rmse_m", "angle_rmse_rad", "acceleration_rmse_m_s2", "max_slip_m")
+VARY = "'field: {distribution: [numbers]}', at least one"
+POSITIVE = "a finite number above 0"
+
+Model = TypeVar("Model", bound=BaseModel)
+Seed = Annotated[int, Field(ge=0, le=MOST_SEED, description=f"a whole number from 0 to {MOST_SEED}")]
+Chosen = Annotated[Architecture, Field(description=f"one of {', '.join(ARCHITECTURES)}")]
+
+
+class Quantile(Section):
+    """A quantile of an error, to be made small."""
+
+    quantile: float = Field(gt=0, lt=1)
+    of: Literal["position_rmse_m", "angle_rmse_rad", "acceleration_rmse_m_s2", "max_slip_m"]
+
+
+class TuneSection(Section):
+    """The section `tune`; the description of a field says what is valid."""
+
+    architecture: Chosen = "pd+ff+dob"
+    over: dict[str, Any] = Field(min_length=1, description=VARY)
+    objective: Literal["success"] | Quantile = Field(
+        "success", description=f"success, or {{quantile: 0.9, of: position_rmse_m}} with one of {', '.join(METRICS)}"
+    )
+    budget: int = Field(ge=1, le=MOST_SEED, description="a whole number of at least twice the trials")
+    held_out: int = Field(ge=4, le=MOST_SEED, description="a whole number of at least 4")
+    seed: Seed = 0
+
+
+class SpecificationFile(Section):
+    """The whole file; the description of a field says what is valid."""
+
+    base: str | dict[str, Any] | None = Field(None, description="a partial scenario, or the name of its file")
+    vary: dict[str, Any] = Field(min_length=1, description=VARY)
+    known: tuple[str, ...] = Field((), description="a list of varied fields of arm, tool, object or table")
+    sampler: Literal["grid", "random", "lhs", "sobol", "saltelli"] = Field(
+        "lhs", description="one of grid, random, lhs, sobol, saltelli"
+    )
+    seed: Seed = 0
+    trials: int = Field(1, ge=1, le=MOST_TRIALS, description=f"a whole number from 1 to {MOST_TRIALS}")
+    architectures: tuple[Architecture, ...] = Field(
+        get_args(Architecture), min_length=1, description=f"a list of {', '.join(ARCHITECTURES)}, each once"
+    )
+    timeout: float = Field(120.0, gt=0, description=POSITIVE)
+    limit_hours: float = Field(12.0, gt=0, description=POSITIVE)
+    tune: Any = Field(None, description="the section that `TuneSection` checks")
+
+
+@dataclass(frozen=True)
+class Source:
+    """Plain data from a YAML file, and the line on which each of its keys stands."""
+
+    name: str
+    text: str
+    data: dict[str, Any]
+    lines: Lines = field(repr=False)
+
+    def error(self, path: Iterable[str], problem: str, value: Any = None, valid: str | None = None) -> InputError:
+        """An error about a key, or the nearest key above it that is there: 'campaign 'a.yaml', line 3: …'."""
+        at = tuple(path)
+        message = f"campaign '{self.name}'{line_of(self.lines, at)}: {problem}"
+        return InputError(message, field=".".join(at), value=value, valid=valid)
+
+    def bad(self, path: Iterable[str], value: Any, valid: str) -> InputError:
+        """The error of a value that is not valid."""
+        at = tuple(path)
+        return self.error(at, f"{': '.join(at)} = {show(value)} is not valid; valid is {valid}", value, valid)
+
+    def validated(self, model: type[Model], data: Mapping[str, Any], path: tuple[str, ...] = ()) -> Model:
+        """A section of the file, checked; the first error with its line."""
+        try:
+            return model.model_validate(data)
+        except ValidationError as error:
+            problems = error.errors(include_url=False)
+        keys = ", ".join(model.model_fields)
+        for key in data:
+            if key not in model.model_fields:
+                where = f"{path[0]}: " if path else ""
+                raise self.error((*path, str(key)), f"{where}unknown key {key!r}; valid are {keys}", key, keys)
+        name = str(problems[0]["loc"][0])
+        raise self.bad((*path, name), data.get(name), str(model.model_fields[name].description))
+
+
+def read(path: str | Path) -> Source:
+    """The file; InputError where it cannot be read or is no mapping."""
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise InputError(f"campaign '{path}' cannot be read: {reason}; valid is a YAML file") from None
+    return parse(text, str(path))
+
+
+def parse(text: str, name: str = "campaign.yaml") -> Source:
+    """The text; `name` stands for it in errors.  InputError where it is no YAML mapping."""
+    if len(text) > LARGEST:
+        raise InputError.of(f"campaign '{name}': characters", len(text), f"at most {LARGEST}")
+    return Source(name, text, *read_mapping(text, f"campaign '{name}'", "'vary: {field: …}' and so on"))

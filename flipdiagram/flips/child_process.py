@@ -1,0 +1,208 @@
+"""Calls made in a child process that may hang, crash or leak: it is killed, noticed or replaced.
+
+A thread owns one child and makes one call at a time, so a crash takes no other call with it.  Threads of this process
+and of Dask's workers use the same function, `in_child`: both have the same time-outs, isolation and memory.  What
+becomes of the trial whose call ends so is decided in `retries`.
+A child is a plain subprocess on a socket pair: nothing listens, and it may be started where daemons may not fork.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
+from multiprocessing.connection import Connection
+from typing import Any
+
+from flipdiagram.errors import FlipdiagramError
+
+RECYCLED_AFTER = 60
+"""Calls after which a child is replaced: Drake never frees a Python system, 2 to 3 MB a flip."""
+START_TIMEOUT = 300.0
+"""Seconds that a new child may take to import what it calls."""
+STARTS = 12
+"""How often a child is started that ends before it is ready."""
+IDLE = 120.0
+"""Seconds without a call after which a child ends, as in a Dask worker whose campaign is over."""
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+"""Set to 1 in children: they share the cores already, and sums come out the same on every machine."""
+
+
+class TrialTimeoutError(Exception):
+    """The call took longer than it may; its child was killed."""
+
+
+class WorkerLostError(Exception):
+    """The child ended in the middle of the call: killed, out of memory, or crashed."""
+
+
+class TrialError(Exception):
+    """The call raised an exception, which stands in the message; `error` is that exception where it is one of ours."""
+
+    error: FlipdiagramError | None = None
+
+
+class Child:
+    """One child process; `call` is for one thread at a time."""
+
+    def __init__(self) -> None:
+        parent_end, child_end = socket.socketpair()
+        alive_read, self._alive = os.pipe()  # the child sees its end close when this process is gone
+        program = f"from flipdiagram.flips.child_process import serve; serve({child_end.fileno()}, {alive_read})"
+        environment = os.environ | {name: "1" for name in THREADS}
+        environment["PYTHONPATH"] = os.pathsep.join(path for path in sys.path if path)
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-c", program],
+                pass_fds=(child_end.fileno(), alive_read),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                env=environment,
+            )
+        except BaseException:
+            os.close(self._alive)
+            parent_end.close()
+            raise
+        finally:
+            child_end.close()
+            os.close(alive_read)
+        self._connection = Connection(parent_end.detach())
+        self._closing = threading.Lock()
+        self._closed = False
+        self.calls = 0
+        _children.add(self)
+
+    @property
+    def pid(self) -> int:
+        """Id of the process."""
+        return self._process.pid
+
+    @property
+    def spent(self) -> bool:
+        """Whether a new child should take the next call."""
+        return self._closed or self.calls >= RECYCLED_AFTER or self._process.poll() is not None
+
+    def call(self, function: Callable[..., Any], arguments: tuple[Any, ...], timeout: float | None) -> Any:
+        """What function(*arguments) returns there; timeout [s].
+
+        Raises TrialTimeoutError, WorkerLostError, or TrialError with what it raised.
+        """
+        self.calls += 1
+        return self._exchange((function, arguments), timeout)
+
+    def load(self, module: str) -> None:
+        """Import what will be called: the time of a trial does not include that."""
+        self._exchange((_load, (module,)), START_TIMEOUT)
+
+    def _exchange(self, message: Any, timeout: float | None) -> Any:
+        try:
+            self._connection.send(message)
+            if not self._connection.poll(timeout):
+                self.close()
+                raise TrialTimeoutError(f"took longer than {timeout:g} s")
+            value, failure, error = self._connection.recv()
+        except (EOFError, OSError):
+            self.close()
+            code = self._process.returncode
+            raise WorkerLostError(f"the worker process ended unexpectedly (exit code {code})") from None
+        if failure is not None:
+            lost = TrialError(failure)
+            lost.error = error
+            raise lost
+        return value
+
+    def kill(self) -> None:
+        """End the process, in the middle of a call if it is in one; for any thread."""
+        with suppress(OSError):
+            self._process.kill()
+
+    def close(self) -> None:
+        """End the process and release what belongs to it."""
+        with self._closing:
+            if self._closed:
+                return
+            self._closed = True
+            _children.discard(self)
+            self._process.kill()
+            self._process.wait()
+            os.close(self._alive)
+            self._connection.close()
+
+
+_children: set[Child] = set()
+_thread = threading.local()
+
+
+def in_child(function: Callable[..., Any], arguments: tuple[Any, ...], timeout: float | None = None) -> Any:
+    """As `Child.call`, in the child of this thread, started or replaced as needed."""
+    child: Child | None = getattr(_thread, "child", None)
+    if child is None or child.spent:
+        if child is not None:
+            child.close()
+        child = _thread.child = _started(function.__module__)
+    return child.call(function, arguments, timeout)
+
+
+def _started(module: str) -> Child:
+    """A new child that is ready; one lost before says nothing about a trial."""
+    for _ in range(STARTS - 1):
+        child = Child()
+        with suppress(WorkerLostError):
+            child.load(module)
+            return child
+    child = Child()
+    child.load(module)
+    return child
+
+
+def children() -> list[int]:
+    """Ids of the children of this process that are alive."""
+    return [child.pid for child in list(_children)]
+
+
+def kill_children() -> None:
+    """End the processes of all children; a call that is under way raises WorkerLostError."""
+    for child in list(_children):
+        child.kill()
+
+
+def close_children() -> None:
+    """End all children and forget them; for when no thread makes calls any more."""
+    for child in list(_children):
+        child.close()
+
+
+def serve(connection_fd: int, alive_fd: int) -> None:
+    """The child's life: answer calls until the parent is gone or has nothing to do for `IDLE`."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole process group; the parent decides
+    threading.Thread(target=_end_with_parent, args=(alive_fd,), daemon=True).start()
+    connection = Connection(connection_fd)
+    with suppress(EOFError, OSError):
+        while connection.poll(IDLE):
+            connection.send(_answer(connection.recv_bytes()))
+
+
+def _answer(message: bytes) -> tuple[Any, str | None, FlipdiagramError | None]:
+    """(what the call returned, None, None) or (None, what it raised in one line, that error where it is ours)."""
+    try:
+        function, arguments = pickle.loads(message)  # from the parent's end of a socket pair, never from a file
+        return function(*arguments), None, None
+    except Exception as error:  # whatever it is: the outcome of this trial, not the end of the campaign
+        text = " ".join(f"{type(error).__name__}: {error}".split())
+        return None, text, error if isinstance(error, FlipdiagramError) else None
+
+
+def _load(module: str) -> None:
+    import_module(module)
+
+
+def _end_with_parent(alive_fd: int) -> None:
+    os.read(alive_fd, 1)  # returns when the parent's end is closed, even by kill -9
+    os._exit(1)

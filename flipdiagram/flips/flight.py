@@ -1,0 +1,172 @@
+"""What a worker does: plan a motion, fly a trial.  Scenarios and plans travel as data, diagrams do not."""
+
+from __future__ import annotations
+
+import logging
+import socket
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flipdiagram.diagrams.controller import nominal_inertia
+from flipdiagram.errors import FlipdiagramError, InputError, PlanningError, SimulationError
+from flipdiagram.files import versions
+from flipdiagram.flips.flip import SOURCES, Flip
+from flipdiagram.flips.outcome import Outcome
+from flipdiagram.flips.provenance import code_version
+from flipdiagram.planning import Plan, plan_motion
+from flipdiagram.planning.planner import Planner
+from flipdiagram.robot.parts import arm_of
+from flipdiagram.scenario.cell import Arm
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.simulation import metrics
+from flipdiagram.simulation.metrics import FlipMetrics
+from flipdiagram.simulation.recording_files import save_recording
+from flipdiagram.simulation.simulate import simulate
+
+Planned = tuple[str | None, str | None]
+"""(plan as JSON, None) or (None, why there is none)."""
+
+
+@dataclass
+class Flight:
+    """One flip to be flown: what is true, and what planner and controller believe.
+
+    `trial` and `architecture` together name its row; seed, values and overrides are kept there.
+    """
+
+    trial: int | str
+    truth: Scenario
+    believed: Scenario
+    architecture: str
+    seed: int = 0
+    values: tuple[Any, ...] = ()
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+    recording: Path | None = None
+    """File for its signals."""
+    attempts: int = 0
+
+    @property
+    def plan_key(self) -> str:
+        """Name of the motion that is needed."""
+        return Flip(self.believed, self.architecture).plan_key
+
+
+@dataclass(frozen=True)
+class Landed:
+    """What became of a flight."""
+
+    outcome: Outcome
+    torque_use: float | None
+    """Largest torque of any joint over its limit; 1: saturated."""
+    seconds: float
+    code: str
+    versions: dict[str, str]
+    host: str
+
+
+@dataclass(frozen=True)
+class Work:
+    """The two functions that workers call; importable by name, as only their names travel.
+
+    An InputError that `plan` raises ends everything; what else either raises is the trial's outcome, `crashed`.
+    """
+
+    plan: Callable[[Scenario], Planned]
+    fly: Callable[[Flight, str], Landed]
+    """Takes the plan as JSON."""
+
+
+def plan_flight(believed: Scenario) -> Planned:
+    """Plan a motion, or say why there is none."""
+    try:
+        return plan_motion(believed).to_json(), None
+    except (PlanningError, SimulationError) as error:
+        return None, str(error)
+
+
+def plan_drawn_flight(believed: Scenario) -> Planned:
+    """As `plan_flight`, for a scenario drawn at random: one that cannot be is no reason to stop."""
+    try:
+        return plan_flight(believed)
+    except InputError as error:
+        return None, str(error)
+
+
+def fly_flight(flight: Flight, plan: str) -> Landed:
+    """Fly a trial and write its recording if it names one; what goes wrong with the physics is its outcome."""
+    scenario = flight.truth
+    if scenario.controller.nominal_inertia is None and flight.believed.arm != scenario.arm:
+        # the controller's M_n is of the arm as it is believed to be
+        fields = {"controller.nominal_inertia": _inertia(flight.believed)}
+        scenario = scenario.with_overrides(fields)
+    begin = time.perf_counter()
+    outcome = fly(scenario, flight.architecture, _plan(plan), flight.recording)
+    seconds = time.perf_counter() - begin
+    return Landed(outcome, _torque_use(scenario, outcome.metrics), seconds, *provenance())
+
+
+def fly(scenario: Scenario, architecture: str, plan: Plan, recording: Path | None = None) -> Outcome:
+    """Run one flip here; writes its signals where a file for them is named."""
+    _quieten_drake()
+    try:
+        run = simulate(scenario, architecture, plan)
+    except FlipdiagramError as error:
+        return Outcome(None, f"{_kind(error)}: {error}", plan.summary())
+    measured = metrics.measure(run.recording)
+    if recording is not None:
+        save_recording(run.recording, measured, recording, Flip(scenario, architecture).key)
+    return Outcome(measured, measured.failure, plan.summary())
+
+
+def provenance() -> tuple[str, dict[str, str], str]:
+    """Code, versions and host of this process."""
+    return code_version(SOURCES), versions() | {"numpy": np.__version__}, _host()
+
+
+def _kind(error: FlipdiagramError) -> str:
+    if isinstance(error, SimulationError):
+        return "diverged"
+    return "no plan" if isinstance(error, PlanningError) else "refused"
+
+
+@cache
+def _quieten_drake() -> None:
+    # a study that compares solvers uses deprecated ones on purpose; once a process is once too often
+    logging.getLogger("drake").addFilter(lambda record: "DRAKE_DEPRECATED" not in record.getMessage())
+
+
+@lru_cache(maxsize=4)
+def _plan(text: str) -> Plan:
+    return Plan.from_json(text, "stored plan")
+
+
+@cache
+def _host() -> str:
+    return socket.gethostname()
+
+
+@lru_cache(maxsize=16)
+def _inertia(believed: Scenario) -> tuple[float, ...]:
+    arm = arm_of(believed)
+    unscaled = believed.with_overrides({"controller.nominal_inertia_scale": 1.0})
+    return tuple(float(value) for value in nominal_inertia(unscaled, arm, Planner(believed, arm).q_start))
+
+
+def _torque_use(scenario: Scenario, measured: FlipMetrics | None) -> float | None:
+    if measured is None:
+        return None
+    # torque limits do not depend on inertias, which vary from trial to trial
+    names = ("link_inertia_scale", "reflected_inertia_scale", "link_inertia_scales", "reflected_inertia_scales")
+    arm = scenario.arm.model_copy(update={name: Arm.model_fields[name].default for name in names})
+    return float(np.max(np.array(measured.max_torque_Nm) / _limits(arm)))
+
+
+@lru_cache(maxsize=16)
+def _limits(arm: Arm) -> np.ndarray:
+    return np.array(arm_of(Scenario(arm=arm)).tau_max)

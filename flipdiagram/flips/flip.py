@@ -1,0 +1,73 @@
+"""The question that a flip answers, and its names: equal questions have equal keys, so that none is flown twice."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Collection
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from flipdiagram.diagrams.controller import check_architecture
+from flipdiagram.flips.provenance import code_version
+from flipdiagram.scenario.scenario import FILES, Controller, Scenario
+
+PLAN_SECTIONS = ("arm", "tool", "object", "table", "task", "planner")
+"""What a plan depends on; a test checks that nothing else changes it."""
+SOURCES = ("blocks", "diagrams", "planning", "plants", "robot", "scenario", "simulation", "theory")
+"""Modules whose code decides what a flip measures; a test compares them with what `simulate`, `metrics` import."""
+NOT_OF_A_FLIP = ("one_dof", "frequency")
+"""Sections on which no flip depends."""
+
+
+@dataclass(frozen=True)
+class Flip:
+    """One flip to be run; recording: file for its signals, relative to the study's folder, or None."""
+
+    scenario: Scenario
+    architecture: str
+    recording: str | None = None
+
+    def __post_init__(self) -> None:
+        check_architecture(self.architecture)
+
+    @property
+    def key(self) -> str:
+        """Name of the question: scenario as far as the architecture depends on it, architecture, code and versions."""
+        scenario = self.scenario
+        if "dob" not in self.architecture:  # no observer, no cut-off
+            default = Controller().g_dis
+            scenario = scenario.with_overrides({"controller.g_dis": default})
+        sections = set(Scenario.model_fields) - set(NOT_OF_A_FLIP)
+        return _digest(scenario, sections, self.architecture, code_version(SOURCES))
+
+    @property
+    def plan_key(self) -> str:
+        """Name of the motion that the flip needs."""
+        return _digest(self.scenario, PLAN_SECTIONS, code_version(SOURCES))
+
+
+def scenario_digest(scenario: Scenario) -> str:
+    """Name of a scenario, as far as the flip goes."""
+    return hashlib.sha256(_sections(scenario, set(Scenario.model_fields) - set(NOT_OF_A_FLIP)).encode()).hexdigest()
+
+
+def _digest(scenario: Scenario, sections: Collection[str], *texts: str) -> str:
+    parts = (_sections(scenario, sections), *_models(scenario), *texts)
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()
+
+
+def _sections(scenario: Scenario, sections: Collection[str]) -> str:
+    return json.dumps(scenario.model_dump(mode="json", include=set(sections)), sort_keys=True)
+
+
+def _models(scenario: Scenario) -> list[str]:
+    """Digests of the model files that a scenario names: they may change under the same name."""
+    digests = []
+    for field in FILES:
+        section, name = field.split(".")
+        if path := getattr(getattr(scenario, section), name):
+            with suppress(OSError):  # who runs the flip says that it cannot be read
+                digests.append(f"{field} {hashlib.sha256(Path(path).read_bytes()).hexdigest()}")
+    return digests

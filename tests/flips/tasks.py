@@ -1,0 +1,39 @@
+"""What workers are asked to do in tests; they import this module by its name: `flips.tasks`."""
+
+import os
+import signal
+import time
+
+from flipdiagram.errors import InputError
+from flipdiagram.flips.flight import fly_flight
+
+
+def pid_after(seconds):
+    time.sleep(seconds)
+    return os.getpid()
+
+
+def refuse(path):
+    raise InputError.of("file", path, "another")
+
+
+def divide(number):
+    return 1 / number
+
+
+def die():
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def fly_or_hang(flight, plan):
+    if flight.architecture == "pd+ff":
+        time.sleep(600)
+    return fly_flight(flight, plan)
+
+
+def fly_wrongly(flight, plan):
+    return fly_flight(flight, plan) if flight.architecture == "pd" else 1 / 0
+
+
+def refuse_to_plan(believed):
+    raise InputError.of("planner.solver", "none", "one that is installed")
