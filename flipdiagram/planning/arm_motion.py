@@ -79,9 +79,7 @@ class ChainMotion(ArmMotion):
         home = np.array([arm.home, arm.home], dtype=float)  # may be singular
         kinematics.follow(chain, arm.task_position(arm.home)[None], REACHED, home)
         kinematics.speeds(chain, home, np.zeros((2, 3)), np.empty_like(home))
-        at = kinematics.along(chain, home, np.zeros((2, 3)))
-        dynamics.torques(chain, at, np.zeros((2, 3)))
-        dynamics.inertia_of_task(chain, at)
+        dynamics.task_dynamics(chain, kinematics.along(chain, home, np.zeros((2, 3))))
 
     def joint_angles(self, pose: Floats, seed: Floats) -> Floats:
         """As of `ArmMotion`, which is asked where Newton's method finds none."""
@@ -101,20 +99,13 @@ class ChainMotion(ArmMotion):
         """As of `ArmMotion`; raises PlanningError where a pose is singular."""
         at = self._kinematics.along(self._chain, q, v)
         _check(at.regular)
-        by_input = self._dynamics.inertia_of_task(self._chain, at)
-        return at.qd, at.from_task[:, :, :3], by_input, self._dynamics.torques(self._chain, at, np.zeros(v.shape))
+        return at.qd, at.from_task[:, :, :3], *self._dynamics.task_dynamics(self._chain, at)
 
     def speeds(self, q: Floats, v: Floats) -> Floats:
         """As of `ArmMotion`; raises PlanningError where a pose is singular."""
         qd = np.empty_like(q)
         _check(self._kinematics.speeds(self._chain, q, v, qd))
         return qd
-
-    def torques(self, q: Floats, v: Floats, a: Floats) -> Floats:
-        """As of `ArmMotion`; raises PlanningError where a pose is singular."""
-        at = self._kinematics.along(self._chain, q, v)
-        _check(at.regular)
-        return self._dynamics.torques(self._chain, at, a)
 
 
 def _check(regular: bool) -> None:

@@ -90,6 +90,5 @@ def on_tool(x: list[float], v: list[float], a: list[float], shift: float) -> tup
 
 def of_object(x: Floats, v: Floats, shift: float) -> Floats:
     """State x̂ (6,) of an object `shift` [m] along s from the tool's control point, whose x, v are (3,)."""
-    moved = [-shift, 0.0]
-    position, velocity, _ = on_tool(list(map(float, x)), list(map(float, v)), [0.0, 0.0, 0.0], moved[0])
+    position, velocity, _ = on_tool(list(map(float, x)), list(map(float, v)), [0.0, 0.0, 0.0], -shift)
     return np.array([*position, *velocity])

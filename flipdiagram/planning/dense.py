@@ -89,10 +89,12 @@ def load_daqp() -> Any:
 def minimise(program: DenseProgram) -> Minimum:
     """The minimum by DAQP."""
     daqp, (f, A, low, high, equalities, slack, norm) = load_daqp(), program
-    distance = np.full(low.size, np.inf)  # also where the row is all zeros, or the slack no number
-    np.divide(slack, norm, out=distance, where=(norm > 0.0) & ~np.isnan(slack))
-    if np.any((norm == 0.0) & ((low > TOLERANCE) | (high < -TOLERANCE))):  # a row on what is fixed does not hold
-        return Minimum(np.zeros(f.size), np.zeros(low.size), STATUS[-1], 0, 0)
+    if not norm.all():  # rows of zeros decide about nothing
+        nothing = norm == 0.0
+        if np.any(nothing & ((low > TOLERANCE) | (high < -TOLERANCE))):
+            return Minimum(np.zeros(f.size), np.zeros(low.size), STATUS[-1], 0, 0)
+        slack, norm = np.where(nothing, np.inf, slack), np.where(nothing, 1.0, norm)
+    distance = slack / norm
     distance[:equalities] = -np.inf
     kind = np.where(distance < TOUCHING, ACTIVE, 0).astype(np.int32)
     if np.count_nonzero(kind) > f.size:  # then the guess is none

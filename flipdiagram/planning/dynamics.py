@@ -82,24 +82,10 @@ def newton_euler(
 
 
 @jit
-def torques(chain: SerialChain, at: Along, a: Any) -> Floats:
-    """τ (K, n) where the tool accelerates with a (K, 3)."""
+def task_dynamics(chain: SerialChain, at: Along) -> tuple[Floats, Floats]:
+    """M P (K, n, 3), the torque that each acceleration of y, z, θ costs, and the torque (K, n) without any."""
     count, n = at.qd.shape
-    F, N, qdd, tau = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty((count, n))
-    for k in range(count):
-        for i in range(n):
-            qdd[i] = 0.0
-            for r in range(6):
-                qdd[i] += at.from_task[k, i, r] * ((a[k, r] if r < 3 else 0.0) - at.bias[k, r])
-        newton_euler(chain, at.links, k, at.qd[k], qdd, chain.gravity, F, N, tau[k])
-    return tau
-
-
-@jit
-def inertia_of_task(chain: SerialChain, at: Along) -> Floats:
-    """∂τ/∂a (K, n, 3): the torque that each acceleration of y, z, θ costs."""
-    count, n = at.qd.shape
-    F, N, MP = np.empty((n, 3)), np.empty((n, 3)), np.empty((count, n, 3))
+    F, N, MP, tau = np.empty((n, 3)), np.empty((n, 3)), np.empty((count, n, 3)), np.empty((count, n))
     qdd, column, rest = np.empty(n), np.empty(n), np.zeros(n)
     for k in range(count):
         for axis in range(3):
@@ -108,4 +94,9 @@ def inertia_of_task(chain: SerialChain, at: Along) -> Floats:
             newton_euler(chain, at.links, k, rest, qdd, 0.0, F, N, column)
             for i in range(n):
                 MP[k, i, axis] = column[i]
-    return MP
+        for i in range(n):
+            qdd[i] = 0.0
+            for r in range(6):
+                qdd[i] -= at.from_task[k, i, r] * at.bias[k, r]
+        newton_euler(chain, at.links, k, at.qd[k], qdd, chain.gravity, F, N, tau[k])
+    return MP, tau

@@ -112,36 +112,35 @@ def joint_rows(
         first: where the motion starts.
         given_start: in motion, with position and speed that no row could change.
     """
-    near_position = np.abs(motion.q - allowed.middle) > NEAR * allowed.half
-    near_speed = np.abs(motion.qd) > NEAR * allowed.speed
-    if given_start:
-        near_position[0] = near_speed[0] = False
-    k, j = np.nonzero(near_position)
-    use = (motion.q[k, j] - allowed.middle[j]) / allowed.half[j]
-    slope, columns = motion.from_task[k, j].T / allowed.half[j], STRIDE * (first + k) + COLUMNS[:3]
+    decided = slice(int(given_start), None)
+    at = first + decided.start
+    use = ((motion.q - allowed.middle) / allowed.half)[decided]
+    near = np.abs(use) > NEAR
+    columns = STRIDE * (at + np.nonzero(near)[0]) + COLUMNS[:3]
+    slope, use = (motion.from_task[decided] / allowed.half[:, None])[near].T, use[near]
     parts = [part(POSITION, columns, -sign * slope, 1 - sign * use) for sign in (1.0, -1.0)]
 
-    k, j = np.nonzero(near_speed)
+    use = (motion.qd / allowed.speed)[decided]
+    k, j = np.nonzero(np.abs(use) > NEAR)
     if k.size:
-        scale = np.sign(motion.qd[k, j]) / allowed.speed[j]
+        use, columns, k = use[k, j], STRIDE * (at + k) + COLUMNS[:STATES], k + decided.start
         by_state = np.vstack([_speed_by_pose(motion, point[0], arm, k, j), motion.from_task[k, j].T])
-        columns = STRIDE * (first + k) + COLUMNS[:STATES]
-        parts.append(part(SPEED, columns, -scale * by_state, 1 - scale * motion.qd[k, j]))
+        parts.append(part(SPEED, columns, -np.sign(use) / allowed.speed[j] * by_state, 1 - np.abs(use)))
 
-    for end in (0, 1):
-        k, j = np.nonzero(np.abs(motion.torque[end]) > NEAR * allowed.torque)
-        if k.size:
-            scale = np.sign(motion.torque[end, k, j]) / allowed.torque[j]
-            slope = np.vstack([_torque_by_state(motion, point, arm, k, j, end), motion.torque_from_task[k + end, j].T])
-            columns = STRIDE * (first + k) + COLUMNS
-            columns[:STATES] += STRIDE * end
-            parts.append(part(TORQUE, columns, -scale * slope, 1 - scale * motion.torque[end, k, j]))
+    uses = motion.torque / allowed.torque
+    near = np.abs(uses) > NEAR
+    for end in (0, 1) if near.any() else ():
+        k, j = np.nonzero(near[end])
+        use, columns = uses[end, k, j], STRIDE * (first + k) + COLUMNS
+        columns[:STATES] += STRIDE * end
+        slope = np.vstack([_torque_by_state(motion, point, arm, k, j, end), motion.torque_from_task[k + end, j].T])
+        parts.append(part(TORQUE, columns, -np.sign(use) / allowed.torque[j] * slope, 1 - np.abs(use)))
     return parts
 
 
 def _speed_by_pose(motion: JointMotion, states: Floats, arm: ArmMotion, k: Indices, j: Indices) -> Floats:
     """∂q̇_j/∂(y, z, θ) at samples k and constant v, shape (3, k.size), by differences; k ascends."""
-    near, n = np.unique(k), motion.q.shape[1]
+    near, n = k[np.append(True, k[1:] > k[:-1])], motion.q.shape[1]
     q = motion.q[near, None] + STEP * motion.from_task[near].transpose(0, 2, 1)
     moved = arm.speeds(q.reshape(-1, n), np.repeat(states[near, 3:], 3, axis=0)).reshape(-1, 3, n)
     return ((moved - motion.qd[near, None]) / STEP)[np.searchsorted(near, k), :, j].T
@@ -150,8 +149,8 @@ def _speed_by_pose(motion: JointMotion, states: Floats, arm: ArmMotion, k: Indic
 def _torque_by_state(
     motion: JointMotion, point: tuple[Floats, Floats], arm: ArmMotion, k: Indices, j: Indices, end: int
 ) -> Floats:
-    """∂τ_j/∂x̂ at constant a, at start (end = 0) or end (1) of intervals k, shape (6, k.size), by differences."""
-    near, n = np.unique(k), motion.q.shape[1]
+    """∂τ_j/∂x̂ at constant a, at start (end = 0) or end (1) of intervals k, shape (6, k.size), as the other."""
+    near, n = k[np.append(True, k[1:] > k[:-1])[: k.size]], motion.q.shape[1]
     q, v = np.repeat(motion.q[near + end], 6, axis=0), np.repeat(point[0][near + end, 3:], 6, axis=0)
     q.reshape(-1, 6, n)[:, :3] += STEP * motion.from_task[near + end].transpose(0, 2, 1)
     v.reshape(-1, 6, 3)[:, [3, 4, 5], [0, 1, 2]] += STEP

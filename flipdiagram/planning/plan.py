@@ -18,6 +18,7 @@ from flipdiagram.planning.model import flight
 from flipdiagram.theory import contact
 
 SCHEMA = "flipdiagram/motion/1"
+WRITTEN_NOW = "a file written by this version"
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,11 +170,17 @@ class Plan:
         try:
             data = json.loads(text)
         except ValueError as error:
-            raise InputError(f"{source} is not valid JSON: {error}") from None
+            raise InputError(f"{source} is not valid JSON: {error}", field=source, valid="JSON") from None
         if not isinstance(data, dict) or data.pop("schema", None) != SCHEMA:
-            raise InputError(f"{source} is no plan file; valid is a file with schema '{SCHEMA}'")
+            raise InputError(
+                f"{source} is no plan file; valid is a file with schema '{SCHEMA}'", field=source, valid=SCHEMA
+            )
         if set(data) != {f.name for f in fields(cls)}:
-            raise InputError(f"{source} lacks fields of a plan or has others; valid is a file written by this version")
+            raise InputError(
+                f"{source} lacks fields of a plan or has others; valid is {WRITTEN_NOW}",
+                field=source,
+                valid=WRITTEN_NOW,
+            )
         try:
             data["states"], data["inputs"] = (np.array(data[name], dtype=float) for name in ("states", "inputs"))
             data["program_times"] = tuple(data["program_times"])
@@ -181,9 +188,8 @@ class Plan:
         except (TypeError, ValueError, OverflowError):
             wrong = ["states, inputs or program_times"]
         if wrong:
-            raise InputError(
-                f"{source}: {', '.join(wrong)} of another shape or kind; valid is a file written by this version"
-            )
+            text = f"{source}: {', '.join(wrong)} of another shape or kind; valid is {WRITTEN_NOW}"
+            raise InputError(text, field=source, value=wrong, valid=WRITTEN_NOW)
         return plan
 
     @classmethod
@@ -194,7 +200,10 @@ class Plan:
             text = Path(path).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-            raise InputError(f"{source} cannot be read: {reason}; valid is a file of 'flipdiagram plan'") from None
+            valid = "a file of 'flipdiagram plan'"
+            raise InputError(
+                f"{source} cannot be read: {reason}; valid is {valid}", field=source, valid=valid
+            ) from None
         return cls.from_json(text, source)
 
 

@@ -59,7 +59,10 @@ def make_solver(name: str) -> SolverInterface:
         usable = [n for n, kind in _SOLVERS.items() if kind().available() and kind().enabled()]
         raise InputError(
             f"scenario field 'planner.solver' = {name!r} cannot be used here (not built in, or no licence);"
-            f" valid is {', '.join(usable)}"
+            f" valid is {', '.join(usable)}",
+            field="planner.solver",
+            value=name,
+            valid=usable,
         )
     return solver
 
