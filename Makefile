@@ -38,7 +38,7 @@ install = $(if $(CONSTRAINTS),$(pip_install) --constraint $(CONSTRAINTS) --edita
 .DELETE_ON_ERROR:
 
 flip: $(INSTALLED)
-	$(RUN) -m flipdiagram.cli.main flip --out $(OUT)/turnover
+	$(RUN) -m flipdiagram flip --out $(OUT)/turnover
 
 test: $(TESTABLE) programs
 	$(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder  # a file's tests share what is costly
@@ -57,7 +57,7 @@ docs: $(DOCUMENTABLE)
 	$(RUN) docs/build.py --out $(OUT)/docs
 
 report: $(TESTABLE)
-	$(RUN) -m flipdiagram.cli.main report --out $(OUT)/report
+	$(RUN) -m flipdiagram report --out $(OUT)/report
 	$(RUN) docs/publish.py $(OUT)/report
 
 clean:

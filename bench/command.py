@@ -30,7 +30,7 @@ def measure(repetitions: int, quick: bool) -> Section:
     runs: list[Watched] = []
     for _ in range(repetitions):
         with tempfile.TemporaryDirectory() as out:
-            runs.append(watch([sys.executable, "-m", "flipdiagram.cli.main", *words, "--out", out]))
+            runs.append(watch([sys.executable, "-m", "flipdiagram", *words, "--out", out]))
             files = sum(len(names) for _, _, names in os.walk(out))
     section.add("wall time", [run.elapsed for run in runs], target=None if quick else TIME_LIMIT)
     stages = [stage_times(run) for run in runs]

@@ -231,7 +231,7 @@ def study(repetitions: int, quick: bool) -> Section:
         with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, FLIPDIAGRAM_CACHE_DIR=folder):
             for name in runs:
                 with tempfile.TemporaryDirectory() as out:
-                    runs[name].append(watch([sys.executable, "-m", "flipdiagram.cli.main", *words, "--out", out]))
+                    runs[name].append(watch([sys.executable, "-m", "flipdiagram", *words, "--out", out]))
     for name, found in runs.items():
         section.add(f"wall time, {name}", [run.elapsed for run in found], target=None if quick else WALL)
     for name, found in runs.items():

@@ -22,7 +22,7 @@ TEXT = (
     "A fresh Python process imports flipdiagram, builds the MathematicalProgram of the default scenario and searches"
     " over contact and flight samples to the finished Plan. Judged is the whole process, from its start to its exit."
     " Shares of the search: solver = HorizonProgram.solve; row assembly = linearising the constraints (Convexification"
-    ".rows) and writing them into the program (HorizonProgram.update); arm kinematics = limits.joint_motion, the arm"
+    ".rows) and writing them into the program (HorizonProgram.update); arm kinematics = ArmMotion.follow, the arm"
     " followed along each trajectory; each without the others, so they add up."
 )
 
@@ -71,7 +71,7 @@ def _run(solver: str) -> dict[str, Any]:
 def plan_once(solver: str) -> dict[str, Any]:
     """Import, build, search, each with its time [s]; the parts of the search are those of Drake's programs."""
     begin = time.perf_counter()
-    from flipdiagram.planning import Planner, convexification, limits
+    from flipdiagram.planning import Planner, arm_motion, convexification
     from flipdiagram.planning.program import HorizonProgram
     from flipdiagram.scenario.scenario import Scenario
 
@@ -83,7 +83,7 @@ def plan_once(solver: str) -> dict[str, Any]:
         own.of_method(HorizonProgram, "solve", "solver"),
         own.of_method(HorizonProgram, "update", "row assembly"),
         own.of_method(convexification.Convexification, "rows", "row assembly"),
-        own.of_method(limits, "joint_motion", "arm kinematics"),
+        own.of_method(arm_motion.ArmMotion, "follow", "arm kinematics"),
     ):
         plan = planner.plan()
     search = time.perf_counter() - built

@@ -21,13 +21,13 @@ from bench.results import Section, Target
 from bench.timing import SelfTimes, in_turn, timed
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import Planner, limits
-from flipdiagram.planning.active_set import TOLERANCE, load_daqp
+from flipdiagram.planning.arm_motion import ArmMotion
 from flipdiagram.planning.condensed import CondensedProgram
 from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.convexification import Convexification
+from flipdiagram.planning.dense import EQUALITY, TOLERANCE, load_daqp
 from flipdiagram.planning.engines import Program, make_program
 from flipdiagram.planning.horizon import Layout
-from flipdiagram.planning.native.linearisation import Linearisation
 from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.program import HorizonProgram, Solution
 from flipdiagram.planning.replanner import Replanner
@@ -199,10 +199,10 @@ def _solve(program: Program, problem: raw.Matrices, processor: list[float] | Non
 
 def _raw(program: CondensedProgram) -> float:
     """DAQP on the matrices that the last update made."""
-    assert program._problem is not None
-    f, A, low, high, equalities, _ = program._problem
+    assert program.program is not None
+    f, A, low, high, equalities, *_ = program.program
     daqp, unit, kind = load_daqp(), np.eye(f.size), np.zeros(low.size, dtype=np.int32)
-    kind[:equalities] = 5
+    kind[:equalities] = EQUALITY
     elapsed, (_, _, flag, _) = timed(lambda: daqp.solve(unit, f, A, high, low, kind, primal_tol=TOLERANCE))
     if flag != 1:
         raise RuntimeError(f"raw DAQP: exit flag {flag}")
@@ -261,8 +261,8 @@ def _whole(
     names = ("linearised rows", "arm kinematics and dynamics", "QPs")
     own, parts = SelfTimes(), {name: list[float]() for name in names}
     with (
-        own.of_method(Linearisation, "rows", names[0]),
-        own.of_method(Linearisation, "follow", names[1]),
+        own.of_method(Convexification, "rows", names[0]),
+        own.of_method(ArmMotion, "follow", names[1]),
         own.of_method(CondensedProgram, "update", names[2]),
         own.of_method(CondensedProgram, "solve", names[2]),
     ):
@@ -280,30 +280,25 @@ def _whole(
 
 
 def _by_numpy(replanner: Replanner, calls: list[partial[Plan]]) -> list[float]:
-    """The same without the compiled loops that linearise."""
-    kept, replanner.horizons._native = replanner.horizons._native, None
+    """The same without compiled loops: laws by NumPy, the arm by Drake."""
+    horizons = replanner.horizons
+    kept, horizons.motion = horizons.motion, ArmMotion(replanner.arm, replanner.scenario.task.start_x)
+    horizons._native = False
+    horizons._linearisations.clear()
     try:
         return [timed(call)[0] for call in calls]
     finally:
-        replanner.horizons._native = kept
+        horizons.motion, horizons._native = kept, True
+        horizons._linearisations.clear()
 
 
 def joint_rows(horizons: Convexification, motion: Trajectory) -> tuple[sp.csr_matrix, Array]:
     """The joint limits as rows on a motion without waiting samples, linearised about it."""
-    x, rows, layout = horizons.scenario.task.start_x, Rows(), Layout(len(motion.inputs), 0)
-    along = limits.joint_motion(horizons.arm, motion.states, motion.inputs, x, horizons.q_start)
-    limits.joint_rows(
-        rows,
-        layout,
-        along,
-        motion.states,
-        motion.inputs,
-        horizons.arm,
-        horizons.allowed,
-        given_start=horizons._in_motion,
-    )
-    matrix, upper = rows.matrix(layout.size)
-    return matrix.tocsr(), upper
+    layout, arm = Layout(len(motion.inputs), 0), ArmMotion(horizons.arm, horizons.scenario.task.start_x)
+    along, point = arm.follow(motion.states, motion.inputs, horizons.q_start), (motion.states, motion.inputs)
+    parts = limits.joint_rows(layout, along, point, arm, horizons.allowed, given_start=horizons._in_motion)
+    rows = Rows.about(layout.pack(*point), parts)
+    return rows.matrix(layout.size).tocsr(), rows.upper
 
 
 def decision(point: Trajectory) -> Array:

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+import sys
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from numbers import Integral, Real
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 GOOD, BAD = "yes", "no"
 
@@ -12,6 +18,28 @@ GOOD, BAD = "yes", "no"
 def verdict(holds: bool | None) -> str:
     """'yes', 'no', or 'not judged' for None."""
     return "not judged" if holds is None else GOOD if holds else BAD
+
+
+def number(value: Any) -> str:
+    """A value of a result as short text."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "–"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {number(item)}" for key, item in value.items())
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(number, value)) + "]"
+    if type(value).__name__ in ("bool", "bool_"):  # NumPy's is no Python bool
+        return GOOD if value else BAD
+    return f"{value:.4g}" if isinstance(value, Real) and not isinstance(value, Integral) else str(value)
+
+
+def console(stderr: bool = False) -> Console:
+    """A console on stdout or stderr; rich colours terminals only, and NO_COLOR is respected."""
+    from rich.console import Console
+
+    stream = sys.stderr if stderr else sys.stdout
+    # into a file or pipe rich would fold tables at 80 columns
+    return Console(file=stream, width=None if stream.isatty() else 160)
 
 
 @dataclass(frozen=True)
@@ -22,18 +50,29 @@ class Grid:
     rows: Sequence[Sequence[str]]
     title: str = ""
     right: Sequence[str] = ()
+    centred: Sequence[str] = ()
+    whole: Sequence[str] = ()
+    """Headings of columns whose texts a terminal does not fold."""
+    good: Collection[str] = (GOOD, "turned over")
+    bad: Collection[str] = (BAD,)
+    """Texts that a terminal shows in green and in red."""
 
     def rich(self) -> Any:
-        """The table for a terminal; a cell that says yes or no, or 'turned over', is coloured."""
+        """The table for a terminal."""
         from rich.markup import escape
         from rich.table import Table
 
         table = Table(title=escape(self.title) if self.title else None, title_justify="left")
         for heading in self.headings:
-            table.add_column(heading, justify="right" if heading in self.right else "left")
+            justify: Any = "right" if heading in self.right else "center" if heading in self.centred else "left"
+            table.add_column(heading, justify=justify, no_wrap=heading in self.whole)
         for row in self.rows:
-            table.add_row(*(_coloured(escape(cell.replace("**", "").replace("`", ""))) for cell in row))
+            table.add_row(*(self._coloured(escape(cell.replace("**", "").replace("`", ""))) for cell in row))
         return table
+
+    def _coloured(self, cell: str) -> str:
+        colour = "green" if cell in self.good else "red" if cell in self.bad else ""
+        return f"[{colour}]{cell}[/]" if colour else cell
 
     def markdown(self) -> str:
         """The table as Markdown, ending with a newline."""
@@ -41,8 +80,6 @@ class Grid:
         lines += [[cell.replace("|", "\\|").replace("\n", " ") for cell in row] for row in self.rows]
         return "".join("| " + " | ".join(line) + " |\n" for line in lines)
 
-
-def _coloured(cell: str) -> str:
-    if cell in (GOOD, "turned over"):
-        return f"[green]{cell}[/]"
-    return f"[red]{cell}[/]" if cell == BAD else cell
+    def section(self) -> str:
+        """Title and table as Markdown; '' without rows."""
+        return ((f"{self.title}:\n\n" if self.title else "") + self.markdown()) if self.rows else ""

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import pydrake.math as scalar_math
 from pydrake.symbolic import Formula, if_then_else
 
 
@@ -15,13 +14,3 @@ def sign(value: Any) -> Any:
     """sgn(value): 1, 0 or -1."""
     one = type(value)(1.0)
     return choose(value > 0.0, one, choose(value < 0.0, -one, 0.0 * one))
-
-
-def larger(a: Any, b: Any) -> Any:
-    """The larger of two scalars."""
-    return scalar_math.max(a, b)
-
-
-def smaller(a: Any, b: Any) -> Any:
-    """The smaller of two scalars."""
-    return scalar_math.min(a, b)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from flipdiagram.arrays import Array
 from flipdiagram.blocks._checks import sampling
-from flipdiagram.blocks._scalars import choose, larger, smaller
+from flipdiagram.blocks._scalars import choose
 from flipdiagram.blocks.block import Block, convertible
 
 
@@ -71,7 +71,7 @@ def lock_in_sums(sums: Array, y: Array, omega: Array, t: Any, start_time: Array)
 def next_peaks(peaks: Array, y: Array, t: Any, start_time: Array) -> Array:
     """Largest, then smallest samples (2 n,) after a sample y (n,) at t [s]."""
     n = len(y)
-    picks = [larger] * n + [smaller] * n
+    picks = [scalar_math.max] * n + [scalar_math.min] * n
     after = [choose(t >= start_time[i % n], pick(peaks[i], y[i % n]), peaks[i]) for i, pick in enumerate(picks)]
     return np.array(after)
 
@@ -90,7 +90,7 @@ def next_squares(squares: Array, y: Array, reference: Array, t: Any, start_time:
 def root_mean_square(squares: Array) -> Array:
     """sqrt(sum / count) per channel (n,), 0 before the first sample, of sums and counts (2 n,)."""
     n, one = len(squares) // 2, type(squares[0])(1.0)
-    means = [larger(squares[i], 0.0 * one) / larger(squares[n + i], one) for i in range(n)]
+    means = [scalar_math.max(squares[i], 0.0 * one) / scalar_math.max(squares[n + i], one) for i in range(n)]
     return np.array([scalar_math.sqrt(mean) for mean in means])
 
 

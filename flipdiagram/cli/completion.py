@@ -33,7 +33,8 @@ def script(shell: str) -> str:
 def _full_parser() -> argparse.ArgumentParser:
     """The parser of all commands with what it leaves to later checks spelt out: fields, names, files and folders."""
     whole = parser()
-    named = {"architecture": ARCHITECTURES, "maps": (*maps_of(Scenario()), "variations"), "shell": SHELLS}
+    named = {"architecture": ARCHITECTURES, "architectures": ARCHITECTURES, "shell": SHELLS}
+    named["maps"] = (*maps_of(Scenario()), "variations")
     for command in _commands(whole):
         takes_scenario = False
         for action in command._actions:

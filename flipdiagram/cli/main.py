@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from flipdiagram.cli.options import COMMANDS, parser, split_overrides
 from flipdiagram.errors import FlipdiagramError, InputError
+from flipdiagram.studies.registry import COMMANDS as STUDY_COMMANDS
 
 if TYPE_CHECKING:
     from flipdiagram.scenario.scenario import Scenario
@@ -61,7 +62,10 @@ def _run(argv: list[str]) -> int:
     if "scenario" not in arguments and overrides:
         options.error(f"'{arguments.command}' takes no fields of a scenario")
     scenario = _load_scenario(getattr(arguments, "scenario", None), overrides)
-    getattr(commands, arguments.command)(arguments, scenario)
+    if (study := STUDY_COMMANDS.get(arguments.command)) is not None:
+        commands.run_study(study, arguments, scenario)
+    else:
+        getattr(commands, arguments.command)(arguments, scenario)
     return 0
 
 
@@ -85,7 +89,3 @@ def _guard_streams() -> None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
         elif hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")  # θ on a terminal that has no Greek
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -3,27 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
 from flipdiagram.errors import InputError
+from flipdiagram.studies.registry import COMMANDS as STUDY_COMMANDS
+from flipdiagram.studies.study import architecture
 
-COMMANDS = (
-    "plan",
-    "flip",
-    "frequency",
-    "experiment",
-    "borders",
-    "replanning",
-    "place",
-    "campaign",
-    "report",
-    "diagram",
-    "info",
-    "scenario",
-    "completion",
-)
+COMMANDS = (*STUDY_COMMANDS, "diagram", "info", "scenario", "completion")
 FORMATS = ("dot", "svg", "png", "mermaid")
 SHORT = {"--start-y": "task.start_y"}
 EPILOG = (
@@ -50,77 +37,28 @@ class _Parser(argparse.ArgumentParser):
 
 
 def parser() -> argparse.ArgumentParser:
-    """The parser of all commands."""
+    """The parser of all commands: those of the studies, then the smaller ones."""
     text = "A robot arm turns a block over on a spatula."
     whole = _Parser(prog="flipdiagram", description=text, epilog=EPILOG)
     whole.add_argument("--version", action="store_true", help="print the versions of flipdiagram and Drake")
     commands = whole.add_subparsers(dest="command", metavar="COMMAND")
-
     common = _Parser(add_help=False)
     common.add_argument("--scenario", metavar="FILE", help="YAML file; what it leaves out keeps its default")
 
-    def add(name: str, text: str, out: str | None = None, scenario: bool = True) -> _Parser:
-        command = commands.add_parser(
-            name, help=text, description=text, epilog=EPILOG if scenario else None, parents=[common] if scenario else []
-        )
-        if out is not None:
-            command.add_argument("--quiet", action="store_true", help="print errors only")
-            command.add_argument("--out", type=Path, default=Path(out), metavar="DIR", help=f"results ({out})")
-        return command
+    def add(name: str, text: str, scenario: bool = True) -> _Parser:
+        epilog, parents = (EPILOG, [common]) if scenario else (None, [])
+        return commands.add_parser(name, help=text, description=text, epilog=epilog, parents=parents)
 
-    add("plan", "Plan the motion only: summary, plan and figure.", "out/plan")
-
-    flip = add("flip", "Plan the motion and simulate it under each controller.", "out/turnover")
-    _architectures_option(flip)
-    flip.add_argument("--quick", action="store_true", help="shorter hold, no snapshots and replay")
-    flip.add_argument("--meshcat", action="store_true", help="watch the simulation in a browser, at half speed")
-    flip.add_argument("--no-replay", action="store_true", help="no snapshots and no replay.html")
-    _jobs_option(flip)
-
-    frequency = add("frequency", "Measure gain, phase, error, torque and noise of the 1-DOF loop.", "out/frequency")
-    frequency.add_argument("--quick", action="store_true", help="fewer frequencies, no table of realisations")
-
-    experiment = add("experiment", "Fly eight starts under each controller and judge E1-E8.", "out/experiment")
-    experiment.add_argument("--starts", nargs="+", type=float, metavar="M", help="starts on y [m] (0 0.02 ... 0.14)")
-    _architectures_option(experiment)
-    experiment.add_argument("--quick", action="store_true", help="two starts only")
-    _jobs_option(experiment)
-
-    borders = add("borders", "Map where each controller stops working.", "out/borders")
-    text = "disturbance, payload, clearance, gains, cone, inertia, sensing, variations (all)"
-    borders.add_argument("--maps", nargs="+", metavar="MAP", help=text)
-    borders.add_argument("--resolution", type=_positive, metavar="N", help="points per axis (5 or 6)")
-    borders.add_argument("--quick", action="store_true", help="two maps of two points per axis")
-    _jobs_option(borders)
-
-    replanning = add("replanning", "Fly disturbed flips planned once, and again and again.", "out/replanning")
-    replanning.add_argument("--quick", action="store_true", help="two disturbances only")
-    _jobs_option(replanning)
-
-    place = add("place", "Lay the object down: it slides off the tilted spatula.", "out/place")
-    _architectures_option(place)
-    place.add_argument("--no-replay", action="store_true", help="no replay.html")
-    _jobs_option(place)
-
-    campaign = add("campaign", "Fly thousands of uncertain flips: how often does each work?", "out/campaign")
-    campaign.add_argument("file", nargs="?", metavar="FILE", help="the campaign as YAML, see examples/campaign.yaml")
-    campaign.add_argument("--resume", action="store_true", help="go on with what --out holds: fly what is missing")
-    campaign.add_argument("--scheduler", metavar="ADDRESS", help="a Dask scheduler, such as tcp://127.0.0.1:8786")
-    campaign.add_argument("--yes", action="store_true", help="even if it takes longer than limit_hours")
-    campaign.add_argument("--any-version", action="store_true", help="go on although code or versions have changed")
-    campaign.add_argument("--tune", action="store_true", help="search the gains of the file's section `tune` instead")
-    campaign.add_argument("--watch", type=Path, metavar="FILE", help="show a running campaign.sqlite")
-    campaign.add_argument("--analyse", type=Path, metavar="FILE", help="analyse a campaign.sqlite again into --out")
-    text = "write a campaign.sqlite as .csv, .parquet or .nc"
-    campaign.add_argument("--export", type=Path, nargs=2, metavar=("FILE", "TO"), help=text)
-    _jobs_option(campaign)
-
-    report = add("report", "Run or reuse all studies; every claim measured, on one page.", "out/report")
-    report.add_argument("--quick", action="store_true", help="under two minutes: coarse, two starts, few maps")
-    _jobs_option(report)
+    for name, study in STUDY_COMMANDS.items():
+        command = add(name, study.text)
+        out = Path("out") / study.name
+        command.add_argument("--quiet", action="store_true", help="print errors only")
+        command.add_argument("--out", type=Path, default=out, metavar="DIR", help=f"results ({out})")
+        for option in study.options:
+            option.add_to(command)
 
     diagram = add("diagram", "Draw the block diagram of a controller, or of the 1-DOF loop.")
-    diagram.add_argument("--architecture", type=_architecture, default="pd+ff+dob", metavar="A", help="(pd+ff+dob)")
+    diagram.add_argument("--architecture", type=architecture, default="pd+ff+dob", metavar="A", help="(pd+ff+dob)")
     diagram.add_argument("--one-dof", action="store_true", help="the loop of section III instead of the robot's")
     diagram.add_argument("--format", choices=FORMATS, help="(from the ending of --out, else mermaid)")
     diagram.add_argument("--out", type=Path, metavar="FILE", help="where to write it (stdout)")
@@ -128,12 +66,12 @@ def parser() -> argparse.ArgumentParser:
     diagram.add_argument("--rates", action="store_true", help="colour the boxes by sample time")
     diagram.add_argument("--table", action="store_true", help="print rates, ports and feed-through as a table")
 
-    info = add("info", "Say what a result file holds: recording, summary or plan.", scenario=False)
-    info.add_argument("file", metavar="FILE", help="a .nc, summary.json or plan.json, or a folder of results")
+    info = add("info", "Say what a result file holds: recording, summary, plan or campaign.", scenario=False)
+    what = "a .nc, .json or campaign.sqlite, an exported campaign, or a folder of results"
+    info.add_argument("file", metavar="FILE", help=what)
 
     completion = add("completion", "Print the completion script of a shell.", scenario=False)
     completion.add_argument("shell", metavar="SHELL", help='bash, zsh or fish: eval "$(flipdiagram completion bash)"')
-
     add("scenario", "Print the scenario as YAML, each field with its unit.")
     return whole
 
@@ -154,38 +92,3 @@ def split_overrides(argv: list[str]) -> tuple[list[str], dict[str, str]]:
             raise InputError(f"option {name} has no value; valid is {name} VALUE")
         overrides[path] = value
     return rest, overrides
-
-
-def _architectures_option(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--architecture",
-        nargs="+",
-        type=_architecture,
-        default=_architectures(),
-        metavar="A",
-        help=f"controllers to run (all of {', '.join(_architectures())})",
-    )
-
-
-def _jobs_option(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--jobs", type=_positive, metavar="N", help="processes side by side (one per core)")
-
-
-def _architectures() -> list[str]:
-    from flipdiagram.scenario.scenario import ARCHITECTURES
-
-    return list(ARCHITECTURES)
-
-
-def _architecture(name: str) -> str:
-    if name not in _architectures():
-        known = ", ".join(_architectures())
-        raise argparse.ArgumentTypeError(f"unknown architecture '{name}'; choose from {known}")
-    return name
-
-
-def _positive(text: str) -> int:
-    with suppress(ValueError):
-        if (number := int(text)) > 0:
-            return number
-    raise argparse.ArgumentTypeError(f"'{text}' is not valid; valid is a whole number above 0")

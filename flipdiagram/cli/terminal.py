@@ -6,17 +6,19 @@ import sys
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
+from flipdiagram.grid import Grid, console
+
 if TYPE_CHECKING:
     from rich.console import Console
 
 
-def console(stderr: bool = False) -> Console:
-    """A console on stdout or stderr; rich colours terminals only, and NO_COLOR is respected."""
-    from rich.console import Console
-
-    stream = sys.stderr if stderr else sys.stdout
-    # into a file or pipe rich would fold tables at 80 columns
-    return Console(file=stream, width=None if stream.isatty() else 160)
+def show(*parts: Grid | str | None) -> None:
+    """Print tables that have rows, and lines of text."""
+    for part in parts:
+        if isinstance(part, str):
+            print(part)
+        elif part is not None and part.rows:
+            console().print(part.rich())
 
 
 def status(quiet: bool) -> Any:
@@ -41,18 +43,3 @@ class _Spinner:
 
     def __exit__(self, *exception: object) -> None:
         self.status.stop()
-
-
-def summary_table(title: str, summary: dict[str, Any]) -> Any:
-    """A table of names and values."""
-    from rich.table import Table
-
-    def text(value: Any) -> str:
-        if isinstance(value, dict):
-            return ", ".join(f"{name} {text(item)}" for name, item in value.items())
-        return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-    table = Table(title, "value")
-    for name, value in summary.items():
-        table.add_row(name, text(value))
-    return table

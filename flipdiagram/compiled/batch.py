@@ -50,46 +50,21 @@ class Channels:
 
 
 class BatchDiagram(ABC):
-    """A diagram that advances many channels, each with its own parameters, state, inputs and start."""
+    """A diagram that advances many channels, each with its own parameters, state, inputs and start.
+
+    ``parameters``, ``inputs``, ``states``, ``outputs``: name -> size; ``state_names``: one per element of the state,
+    "dob[0]", or "dob" where there is one; ``period`` and ``offset`` [s].
+    """
 
     def __init__(self, layout: Layout, period: float, offset: float, inputs_used: set[int]) -> None:
-        self.layout = layout
-        self.period = period
-        self.offset = offset
+        self.layout, self.period, self.offset = layout, period, offset
+        self.parameters, self.inputs = layout.parameters.sizes(), layout.inputs.sizes()
+        self.states, self.outputs = layout.states.sizes(), layout.outputs.sizes()
+        self.state_names = layout.states.elements()
         self._inputs_used = inputs_used
         context = layout.structure.diagram.CreateDefaultContext()
         self._default_parameters = layout.read_parameters(context)
         self._default_state = layout.read_state(context)
-
-    @property
-    def parameters(self) -> dict[str, int]:
-        """Name -> size of the numeric parameters."""
-        return self.layout.parameters.sizes()
-
-    @property
-    def inputs(self) -> dict[str, int]:
-        """Name -> size of the exported inputs."""
-        return self.layout.inputs.sizes()
-
-    @property
-    def states(self) -> dict[str, int]:
-        """Name -> size of the states."""
-        return self.layout.states.sizes()
-
-    @property
-    def outputs(self) -> dict[str, int]:
-        """Name -> size of the exported outputs."""
-        return self.layout.outputs.sizes()
-
-    @property
-    def state_names(self) -> list[str]:
-        """One name per element of the state: "dob[0]", or "dob" where there is one."""
-        return self.layout.states.elements()
-
-    @property
-    def state_size(self) -> int:
-        """Number of state elements."""
-        return self.layout.states.size
 
     @property
     def default_parameters(self) -> dict[str, Floats]:
@@ -149,7 +124,7 @@ class BatchDiagram(ABC):
             raise InputError.of("threads", threads, "an integer >= 1")
         named, columns = self._columns(log)
         rows = int(given.ticks.max()) // every + 1 if log else 0
-        final, record = self._advance(given, columns, rows, int(every), threads)
+        final, record = self.advance(given, columns, rows, int(every), threads)
         return Run(
             self.layout.states.split(final),
             self.layout.outputs.split(self._outputs_after(given, final)),
@@ -160,8 +135,8 @@ class BatchDiagram(ABC):
         )
 
     @abstractmethod
-    def _advance(
-        self, given: Channels, columns: Indices, rows: int, every: int, threads: int | None
+    def advance(
+        self, given: Channels, columns: Indices, rows: int, every: int = 1, threads: int | None = None
     ) -> tuple[Floats, Floats]:
         """The states after the last update, (n, states), and the log, (n, ``rows``, width), nan where none is due.
 
@@ -197,51 +172,49 @@ class BatchDiagram(ABC):
         )
         still = Channels(np.zeros_like(given.ticks), given.start + given.ticks, final, given.parameters, held[:, None])
         size = self.layout.outputs.size
-        return self._advance(still, np.arange(size), min(size, 1), 1, 1)[1].reshape(len(final), size)
+        return self.advance(still, np.arange(size), min(size, 1), 1, 1)[1].reshape(len(final), size)
 
     def _states(self, state: Mapping[str, ArrayLike] | ArrayLike | None) -> Floats:
         if state is None or isinstance(state, Mapping):
             return self.layout.states.spread(state or {}, self._default_state)
-        array = np.asarray(state, dtype=float)
-        if array.ndim == 1 and array.size == self.state_size:
-            array = array[None]
-        if array.ndim != 2 or array.shape[1] != self.state_size:
-            raise InputError(f"state has shape {array.shape}; valid is (channels, {self.state_size})")
-        return array
+        array, size = np.asarray(state, dtype=float), self.layout.states.size
+        rows = array[None] if array.shape == (size,) else array
+        if rows.ndim != 2 or rows.shape[1] != size:
+            message = f"state has shape {array.shape}; valid is (channels, {size})"
+            raise InputError(message, field="state", value=array.shape, valid=f"(channels, {size})")
+        return rows
 
     def _series(self, inputs: Mapping[str, ArrayLike]) -> Floats:
         """All inputs in one array (1 or n, rows, inputs)."""
         names = self.layout.inputs
-        found = [(names.find(name), series_of(name, v, names.find(name).size)) for name, v in inputs.items()]
-        known = {int(place) for places, _ in found for place in places}
+        series = {name: series_of(name, value, names.find(name).size) for name, value in inputs.items()}
+        known = {int(place) for name in series for place in names.find(name)}
         if missing := sorted({names.elements()[place] for place in self._inputs_used - known}):
-            raise InputError(f"input '{missing[0]}' has no value; give inputs={{'{missing[0]}': ...}}")
-        count = common_count({f"input '{n}'": a.shape[0] for n, (_, a) in zip(inputs, found, strict=True)})
-        length = max((a.shape[1] for _, a in found), default=1)
+            message = f"input '{missing[0]}' has no value; give inputs={{'{missing[0]}': ...}}"
+            raise InputError(message, field="inputs", value=list(inputs), valid=list(names.places))
+        count = common_count({f"input '{name}'": len(array) for name, array in series.items()})
+        length = max((array.shape[1] for array in series.values()), default=1)
         result = np.zeros((count, length, names.size))
-        for places, array in found:
-            # the last row of a shorter series is held
-            result[:, :, places] = array[:, np.minimum(np.arange(length), array.shape[1] - 1)]
+        for name, array in series.items():  # the last row of a shorter series is held
+            result[:, :, names.find(name)] = array[:, np.minimum(np.arange(length), array.shape[1] - 1)]
         return result
 
     def _columns(self, log: Sequence[str]) -> tuple[dict[str, Indices], Indices]:
         """Columns of the record by name, and the place of each among outputs and states."""
         if isinstance(log, str):
-            raise InputError(f"log = '{log}'; valid is a list of names, such as ['{log}']")
+            raise InputError.of("log", log, f"a list of names, such as ['{log}']")
         outputs, states = self.layout.outputs, self.layout.states
-        chosen: dict[str, Indices] = {}
-        picked: list[int] = []
+        signals = {name: outputs.size + places for name, places in states.places.items()} | outputs.places
+        named: dict[str, Indices] = {}
+        columns: list[int] = []
         for name in log:
-            if name in outputs.places:
-                places = outputs.places[name]
-            elif name in states.places:
-                places = outputs.size + states.places[name]
-            else:
-                valid = ", ".join([*outputs.places, *states.places])
-                raise InputError(f"log: unknown output or state '{name}'; choose from {valid}")
-            chosen[name] = np.arange(len(picked), len(picked) + places.size)
-            picked += places.tolist()
-        return chosen, np.array(picked, dtype=np.int64)
+            if name not in signals:
+                valid = [*outputs.places, *states.places]
+                message = f"log: unknown output or state '{name}'; choose from {', '.join(valid)}"
+                raise InputError(message, field="log", value=name, valid=valid)
+            named[name] = np.arange(len(columns), len(columns) + signals[name].size)
+            columns += signals[name].tolist()
+        return named, np.array(columns, dtype=np.int64)
 
     def operating_point(
         self,
@@ -268,5 +241,5 @@ def _integers(name: str, value: ArrayLike) -> Indices:
     array = np.atleast_1d(np.asarray(value))
     valid = array.ndim == 1 and array.size and np.issubdtype(array.dtype, np.integer)
     if not valid or array.min() < 0 or array.max() > _LATEST:
-        raise InputError(f"{name} = {value!r}; valid are integers >= 0, one or one for each channel")
+        raise InputError.of(name, value, "an integer >= 0, one or one for each channel")
     return array.astype(np.int64)

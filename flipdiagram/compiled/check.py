@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from pydrake.systems.analysis import Simulator
 
-from flipdiagram.arrays import Floats
-from flipdiagram.compiled.batch import BatchDiagram
+from flipdiagram.arrays import Floats, Indices
+from flipdiagram.compiled.batch import BatchDiagram, Channels
 from flipdiagram.compiled.errors import NotCompilable
-from flipdiagram.compiled.fallback import read_outputs
+from flipdiagram.compiled.fallback import SimulatedDiagram
 
 TOLERANCE = 1e-10  # relative
-_OUTPUT_ROWS = 20  # ticks at which outputs are compared too
+_OUTPUT_ROWS = 20  # ticks at which outputs are compared too: they cost Drake time
 
 
 def check(compiled: BatchDiagram, ticks: int) -> None:
@@ -21,50 +18,28 @@ def check(compiled: BatchDiagram, ticks: int) -> None:
 
     Start and inputs are the defaults moved at random (always the same way): a diagram at rest shows nothing.
     """
-    rng = np.random.default_rng(0)
-    state = compiled.state_from(compiled.layout.structure.diagram.CreateDefaultContext())
-    inputs = 0.1 * rng.standard_normal(compiled.layout.inputs.size)
+    layout, drake, rng = compiled.layout, SimulatedDiagram(compiled.layout), np.random.default_rng(0)
+    context = layout.structure.diagram.CreateDefaultContext()
+    parameters, state = layout.read_parameters(context)[None], layout.read_state(context)[None]
+    inputs, moved = 0.1 * rng.standard_normal((1, 1, layout.inputs.size)), 0.1 * rng.standard_normal(state.shape)
+    size, width = layout.outputs.size, layout.outputs.size + state.size
+
+    def simulated(length: int, columns: Indices) -> Floats:
+        given = Channels(np.array([length]), np.array([0]), state, parameters, inputs)
+        return drake.advance(given, columns, length + 1)[1][0]
+
+    state, at_rest = state + moved, state
     try:
-        before, after, outputs = _drake(compiled, state + 0.1 * rng.standard_normal(state.size), inputs, ticks)
+        states = simulated(ticks, np.arange(size, width))
     except Exception:  # a block may refuse an arbitrary state
-        before, after, outputs = _drake(compiled, state, 0.0 * inputs, ticks)
-    given = {name: inputs[places] for name, places in compiled.layout.inputs.places.items()}
-    start = np.arange(ticks)
-    run = compiled.run(1, state=before, inputs=given, start=start, threads=1)
-    _compare("state", compiled.state_names, before, run.final, after)
-    if compiled.outputs:
-        rows = slice(0, len(outputs))
-        still = compiled.run(0, state=before[rows], inputs=given, start=start[rows], threads=1)
-        flat = np.concatenate(list(still.outputs.values()), axis=1)
-        _compare("output", compiled.layout.outputs.elements(), np.zeros_like(outputs), flat, outputs)
-
-
-def _drake(compiled: BatchDiagram, state: Floats, inputs: Floats, ticks: int) -> tuple[Floats, Floats, Floats]:
-    """States before and after each tick in Drake's Simulator, and outputs before the first ticks."""
-    layout, diagram = compiled.layout, compiled.layout.structure.diagram
-    flat = np.empty(layout.parameters.size)
-    for name, value in compiled.default_parameters.items():
-        flat[layout.parameters.places[name]] = value
-
-    def context_at(tick: int, at: Floats) -> Any:
-        context = diagram.CreateDefaultContext()
-        layout.write(context, flat, at)
-        context.SetTime(float(compiled.time(tick)))
-        for port in layout.structure.inputs:
-            diagram.get_input_port(port.index).FixValue(context, inputs[layout.inputs.places[port.name]])
-        return context
-
-    simulator = Simulator(diagram, context_at(0, state))
-    context = simulator.get_context()
-    simulator.Initialize()
-    states = np.empty((ticks + 1, state.size))
-    states[0] = layout.read_state(context)
-    for k in range(ticks):
-        simulator.AdvanceTo(compiled.offset + (k + 0.5) * compiled.period)
-        states[k + 1] = layout.read_state(context)
-    rows = min(ticks, _OUTPUT_ROWS)
-    outputs = np.array([read_outputs(layout, context_at(k, states[k])) for k in range(rows)])
-    return states[:-1], states[1:], outputs.reshape(rows, layout.outputs.size)
+        state, inputs = at_rest, 0.0 * inputs
+        states = simulated(ticks, np.arange(size, width))
+    outputs = simulated(min(ticks, _OUTPUT_ROWS) - 1, np.arange(size))
+    shared = (np.broadcast_to(array, (ticks, *array.shape[1:])) for array in (parameters, inputs))
+    each = Channels(np.ones(ticks, np.int64), np.arange(ticks), states[:-1], *shared)
+    final, row = compiled.advance(each, np.arange(size), 1, threads=1)
+    _compare("state", compiled.state_names, states[:-1], final, states[1:])
+    _compare("output", layout.outputs.elements(), np.zeros_like(outputs), row[: len(outputs), 0], outputs)
 
 
 def _compare(kind: str, names: list[str], before: Floats, ours: Floats, drakes: Floats) -> None:

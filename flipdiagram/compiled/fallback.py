@@ -29,7 +29,7 @@ class SimulatedDiagram(BatchDiagram):
             except NotCompilable as error:
                 raise InputError(f"{error}; or give the period of a tick to Drake's Simulator") from None
         elif not (np.isfinite(period) and period > 0.0):
-            raise InputError(f"period = {period} s; it must be finite and > 0")
+            raise InputError.of("period", period, "finite and > 0, in seconds")
         else:
             offset = 0.0
         super().__init__(layout, period, offset, set())
@@ -38,9 +38,10 @@ class SimulatedDiagram(BatchDiagram):
         """Only a compiled diagram knows its derivatives."""
         raise NotCompilable("a simulated diagram cannot be linearised exactly; compile it")
 
-    def _advance(
-        self, given: Channels, columns: Indices, rows: int, every: int, threads: int | None
+    def advance(
+        self, given: Channels, columns: Indices, rows: int, every: int = 1, threads: int | None = None
     ) -> tuple[Floats, Floats]:
+        """See ``BatchDiagram.advance``."""
         final, log = given.state.copy(), np.full((len(given.state), rows, columns.size), np.nan)
         for c in range(given.ticks.size):
             self._advance_one(given, c, columns, every, final[c], log[c])
@@ -67,8 +68,9 @@ class SimulatedDiagram(BatchDiagram):
             if 0 < k < len(series):
                 self._fix(context, series[k])
             if k % every == 0 and k // every < len(log):
-                values = np.append(read_outputs(self.layout, context), self.layout.read_state(context))
-                log[k // every] = values[columns]
+                asked = (columns < self.layout.outputs.size).any()  # outputs cost time
+                outputs = read_outputs(self.layout, context) if asked else np.empty(self.layout.outputs.size)
+                log[k // every] = np.append(outputs, self.layout.read_state(context))[columns]
         state[:] = self.layout.read_state(context)
 
     def _fix(self, context: Any, row: Floats) -> None:
@@ -79,5 +81,5 @@ class SimulatedDiagram(BatchDiagram):
 
 def read_outputs(layout: Layout, context: Any) -> Floats:
     """All exported outputs, flat, of a context of the diagram."""
-    found = [layout.structure.diagram.get_output_port(p.index).Eval(context) for p in layout.structure.outputs]
-    return np.concatenate(found) if found else np.zeros(0)
+    ports = [layout.structure.diagram.get_output_port(port.index) for port in layout.structure.outputs]
+    return np.concatenate([port.Eval(context) for port in ports]) if ports else np.zeros(0)

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import math
 
-from flipdiagram.compiled.vectors import DOUBLES, INTEGERS, Value, VectorBuilder, number, whole
+from llvmlite import ir  # type: ignore[import-untyped]
+
+from flipdiagram.compiled.vectors import DOUBLES, INTEGERS, LANES, Value, VectorBuilder, number, whole
 
 REACH = 2.0**30
 """Largest |x| of our own sin and cos; beyond, and for inf and nan, those of the C library. So all arguments are fine.
@@ -90,8 +92,8 @@ def _signed(b: VectorBuilder, value: Value, quadrant: Value) -> Value:
 def _or_else(b: VectorBuilder, x: Value, reach: float, own: dict[str, Value]) -> list[Value]:
     """Our own values where |x| <= reach, the C library's elsewhere; lane by lane, so no channel sees another."""
     beyond = b.fcmp_unordered(">", b.intrinsic("fabs", x), number(reach))
-    before = b.block
-    with b.if_then(b.any(beyond), likely=False):
+    before, packed = b.block, b.bitcast(beyond, ir.IntType(LANES))
+    with b.if_then(b.icmp_unsigned("!=", packed, ir.Constant(packed.type, 0)), likely=False):
         replaced = [b.select(beyond, b.by_lane(name, x), value) for name, value in own.items()]
         slow = b.block
     results = []

@@ -49,14 +49,14 @@ class Graph:
 
     def needed(self, roots: Iterable[int]) -> set[int]:
         """All nodes that ``roots`` are computed from, themselves included."""
-        found: set[int] = set()
+        places: set[int] = set()
         waiting = list(roots)
         while waiting:
             place = waiting.pop()
-            if place not in found:
-                found.add(place)
+            if place not in places:
+                places.add(place)
                 waiting.extend(self.operands(place))
-        return found
+        return places
 
 
 class Translator:

@@ -38,7 +38,8 @@ class Names:
         places = self.places.get(self.spellings.get(base, base))
         if places is None or (element is not None and element >= places.size):
             valid = ", ".join(f"{n}[0..{p.size - 1}]" if p.size > 1 else n for n, p in self.places.items())
-            raise InputError(f"unknown {self.kind} '{name}'; choose from {valid or 'none: there are none'}")
+            message = f"unknown {self.kind} '{name}'; choose from {valid or 'none: there are none'}"
+            raise InputError(message, field=self.kind, value=name, valid=list(self.places))
         return places if element is None else places[element : element + 1]
 
     def sizes(self) -> dict[str, int]:
@@ -59,11 +60,11 @@ class Names:
 
     def spread(self, given: Mapping[str, ArrayLike], default: Floats) -> Floats:
         """Rows (1 or n, size) with the values given by name, shapes as in ``rows_of``, and elsewhere ``default``."""
-        found = [(self.find(name), rows_of(self.kind, name, v, self.find(name).size)) for name, v in given.items()]
-        count = common_count({f"{self.kind} '{name}'": v.shape[0] for name, (_, v) in zip(given, found, strict=True)})
+        rows = {name: rows_of(self.kind, name, value, self.find(name).size) for name, value in given.items()}
+        count = common_count({f"{self.kind} '{name}'": len(array) for name, array in rows.items()})
         result = np.tile(np.asarray(default, dtype=float), (count, 1))
-        for places, rows in found:
-            result[:, places] = rows
+        for name, array in rows.items():
+            result[:, self.find(name)] = array
         return result
 
 
@@ -77,8 +78,9 @@ def rows_of(kind: str, name: str, value: ArrayLike, size: int) -> Floats:
             return array[:, None]
         array = array[None]
     if array.ndim != 2 or array.shape[1] != size or array.shape[0] == 0:
-        wanted = "a number or (channels,)" if size == 1 else f"({size},) or (channels, {size})"
-        raise InputError(f"{kind} '{name}' has shape {np.shape(value)}; valid is {wanted}")
+        valid = "a number or (channels,)" if size == 1 else f"({size},) or (channels, {size})"
+        message = f"{kind} '{name}' has shape {np.shape(value)}; valid is {valid}"
+        raise InputError(message, field=name, value=np.shape(value), valid=valid)
     return array
 
 
@@ -89,7 +91,8 @@ def series_of(name: str, value: ArrayLike, size: int) -> Floats:
         array = array[:, :, None]
     if array.ndim == 3:
         if array.shape[2] != size or 0 in array.shape:
-            raise InputError(f"input '{name}' has shape {np.shape(value)}; valid is (channels, rows, {size})")
+            message = f"input '{name}' has shape {np.shape(value)}; valid is (channels, rows, {size})"
+            raise InputError(message, field=name, value=np.shape(value), valid=f"(channels, rows, {size})")
         return array
     return rows_of("input", name, array, size)[:, None, :]
 
@@ -107,9 +110,11 @@ def _finite(kind: str, name: str, value: ArrayLike) -> Floats:
     try:
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
-        raise InputError(f"{kind} '{name}' = {value!r}; valid are numbers") from None
+        message = f"{kind} '{name}' = {value!r}; valid are numbers"
+        raise InputError(message, field=name, value=value, valid="numbers") from None
     if not np.isfinite(array).all():
-        raise InputError(f"{kind} '{name}' holds nan or infinity; valid are finite numbers")
+        message = f"{kind} '{name}' holds nan or infinity; valid are finite numbers"
+        raise InputError(message, field=name, value=value, valid="finite numbers")
     return array
 
 
@@ -132,35 +137,36 @@ class Layout:
     def read_parameters(self, context: Any) -> Floats:
         """The flat parameter vector of a context of the whole diagram (of tied ones, the first)."""
         vector = np.empty(self.parameters.size)
-        for leaf, groups in reversed(list(zip(self.structure.leaves, self.parameter_places, strict=True))):
-            part = leaf.system.GetMyContextFromRoot(context)
-            for g, places in reversed(list(enumerate(groups))):
+        for part, owned, _ in reversed(self._parts(context)):
+            for g, places in reversed(list(enumerate(owned))):
                 vector[places] = part.get_numeric_parameter(g).CopyToVector()
         return vector
 
     def read_state(self, context: Any) -> Floats:
         """The flat state vector of a context of the whole diagram."""
         vector = np.empty(self.states.size)
-        for leaf, groups in zip(self.structure.leaves, self.state_places, strict=True):
-            part = leaf.system.GetMyContextFromRoot(context)
+        for part, _, held in self._parts(context):
             discrete = part.num_discrete_state_groups()
-            for g, places in enumerate(groups):
+            for g, places in enumerate(held):
                 value = part.get_discrete_state(g) if g < discrete else part.get_continuous_state_vector()
                 vector[places] = value.CopyToVector()
         return vector
 
     def write(self, context: Any, parameters: Floats, state: Floats) -> None:
         """Set flat parameters and state in a context of the whole diagram."""
-        for leaf, owned, groups in zip(self.structure.leaves, self.parameter_places, self.state_places, strict=True):
-            part = leaf.system.GetMyContextFromRoot(context)
+        for part, owned, held in self._parts(context):
             for g, places in enumerate(owned):
                 part.get_mutable_numeric_parameter(g).SetFromVector(parameters[places])
-            discrete = part.num_discrete_state_groups()
-            for g, places in enumerate(groups):
-                if g < discrete:
+            for g, places in enumerate(held):
+                if g < part.num_discrete_state_groups():
                     part.SetDiscreteState(g, state[places])
                 else:
                     part.SetContinuousState(state[places])
+
+    def _parts(self, context: Any) -> list[tuple[Any, tuple[Indices, ...], tuple[Indices, ...]]]:
+        """The context of each leaf, with the places of its parameter and state groups."""
+        contexts = (leaf.system.GetMyContextFromRoot(context) for leaf in self.structure.leaves)
+        return list(zip(contexts, self.parameter_places, self.state_places, strict=True))
 
 
 def lay_out(structure: Structure, tie: Mapping[str, Sequence[str]] | None = None) -> Layout:
@@ -195,35 +201,28 @@ def lay_out(structure: Structure, tie: Mapping[str, Sequence[str]] | None = None
 def _tied(
     names: Names, owned: list[tuple[Indices, ...]], tie: Mapping[str, Sequence[str]]
 ) -> tuple[Names, list[tuple[Indices, ...]]]:
+    """Names and places with each tie in one place."""
     representative = np.arange(names.size)
-    heads: dict[str, Indices] = {}
+    tied: set[int] = set()
     for new, members in tie.items():
         if new in names.places or new in names.spellings:
-            raise InputError(f"tie: '{new}' is the name of a parameter already; choose another")
-        found = [names.find(member) for member in members]
-        if not found or len({places.size for places in found}) > 1:
-            sizes = ", ".join(f"{m}: {p.size}" for m, p in zip(members, found, strict=True))
-            raise InputError(f"tie: '{new}' joins parameters of different sizes ({sizes}); valid is one size")
-        for member, places in zip(members, found, strict=True):
-            if (representative[places] != places).any():
-                raise InputError(f"tie: '{member}' of '{new}' is tied already; valid is one name for each")
-        heads[new] = found[0]
-        for places in found[1:]:
-            representative[places] = found[0]
-        if any(np.intersect1d(found[0], places).size for n, places in heads.items() if n != new):
-            raise InputError(f"tie: '{members[0]}' of '{new}' is tied already; valid is one name for each")
-    kept = np.unique(representative)
-    place = np.full(names.size, -1)
-    place[kept] = np.arange(kept.size)
-    place = place[representative]
+            raise InputError(f"tie: '{new}' is the name of a parameter already; choose another", field="tie", value=new)
+        places_of = {member: names.find(member) for member in members}
+        if len({places.size for places in places_of.values()}) != 1:
+            sizes = ", ".join(f"{member}: {places.size}" for member, places in places_of.items())
+            raise InputError(
+                f"tie: '{new}' joins parameters of different sizes ({sizes}); valid is one size", field="tie"
+            )
+        for member, places in places_of.items():
+            if tied.intersection(places.tolist()):
+                message = f"tie: '{member}' of '{new}' is tied already; valid is one name for each"
+                raise InputError(message, field="tie", value=member, valid="one name for each")
+            tied.update(places.tolist())
+            representative[places] = names.find(members[0])
+    kept, place = np.unique(representative, return_inverse=True)
     result = Names(names.kind)
     result.size = int(kept.size)
-    shared = {int(i) for i, count in zip(*np.unique(representative, return_counts=True), strict=True) if count > 1}
-    shared |= {int(i) for places in heads.values() for i in places}
-    for new, places in heads.items():
-        result.places[new] = place[places]
-    for name, places in names.places.items():
-        if not shared.issuperset(representative[places].tolist()):
-            result.places[name] = place[places]
+    result.places = {new: place[names.find(members[0])] for new, members in tie.items()}
+    result.places |= {n: place[places] for n, places in names.places.items() if not tied.issuperset(places.tolist())}
     result.spellings = {k: v for k, v in names.spellings.items() if v in result.places}
     return result, [tuple(place[places] for places in groups) for groups in owned]

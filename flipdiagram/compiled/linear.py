@@ -15,25 +15,36 @@ from flipdiagram.compiled.layout import Layout
 from flipdiagram.compiled.read import Program
 from flipdiagram.errors import InputError, MissingProgramError
 
-_Function = tuple[Callable[[Any], Any], Callable[[Any, Any], Any]]
 
-_UNARY: dict[str, _Function] = {  # f(x), and its derivative from x and f
-    "neg": (np.negative, lambda x, f: -1.0),
-    "abs": (np.abs, lambda x, f: np.sign(x)),
-    "exp": (np.exp, lambda x, f: f),
-    "log": (np.log, lambda x, f: 1.0 / x),
-    "sqrt": (np.sqrt, lambda x, f: 0.5 / f),
-    "sin": (np.sin, lambda x, f: np.cos(x)),
-    "cos": (np.cos, lambda x, f: -np.sin(x)),
-    "tan": (np.tan, lambda x, f: 1.0 + f * f),
-    "asin": (np.arcsin, lambda x, f: 1.0 / np.sqrt(1.0 - x * x)),
-    "acos": (np.arccos, lambda x, f: -1.0 / np.sqrt(1.0 - x * x)),
-    "atan": (np.arctan, lambda x, f: 1.0 / (1.0 + x * x)),
-    "sinh": (np.sinh, lambda x, f: np.cosh(x)),
-    "cosh": (np.cosh, lambda x, f: np.sinh(x)),
-    "tanh": (np.tanh, lambda x, f: 1.0 - f * f),
-    "floor": (np.floor, lambda x, f: 0.0),
-    "ceil": (np.ceil, lambda x, f: 0.0),
+def _by_exponent(a: Any, b: Any, power: Any) -> Any:
+    # log of a negative base is nan, which _times drops where the exponent is constant
+    return power * np.log(a) if a > 0.0 else (0.0 if a == 0.0 and b > 0.0 else math.nan)
+
+
+# f of its operands, and its partial derivatives from the operands and f
+_FUNCTIONS: dict[str, tuple[Callable[..., Any], Callable[..., tuple[Any, ...]]]] = {
+    "add": (np.add, lambda a, b, f: (1.0, 1.0)),
+    "sub": (np.subtract, lambda a, b, f: (1.0, -1.0)),
+    "mul": (np.multiply, lambda a, b, f: (b, a)),
+    "div": (np.divide, lambda a, b, f: (1.0 / b, -a / (b * b))),
+    "pow": (np.power, lambda a, b, f: (b * np.power(a, b - 1.0), _by_exponent(a, b, f))),
+    "atan2": (np.arctan2, lambda a, b, f: (b / (a * a + b * b), -a / (a * a + b * b))),
+    "neg": (np.negative, lambda x, f: (-1.0,)),
+    "abs": (np.abs, lambda x, f: (np.sign(x),)),
+    "exp": (np.exp, lambda x, f: (f,)),
+    "log": (np.log, lambda x, f: (1.0 / x,)),
+    "sqrt": (np.sqrt, lambda x, f: (0.5 / f,)),
+    "sin": (np.sin, lambda x, f: (np.cos(x),)),
+    "cos": (np.cos, lambda x, f: (-np.sin(x),)),
+    "tan": (np.tan, lambda x, f: (1.0 + f * f,)),
+    "asin": (np.arcsin, lambda x, f: (1.0 / np.sqrt(1.0 - x * x),)),
+    "acos": (np.arccos, lambda x, f: (-1.0 / np.sqrt(1.0 - x * x),)),
+    "atan": (np.arctan, lambda x, f: (1.0 / (1.0 + x * x),)),
+    "sinh": (np.sinh, lambda x, f: (np.cosh(x),)),
+    "cosh": (np.cosh, lambda x, f: (np.sinh(x),)),
+    "tanh": (np.tanh, lambda x, f: (1.0 - f * f,)),
+    "floor": (np.floor, lambda x, f: (0.0,)),
+    "ceil": (np.ceil, lambda x, f: (0.0,)),
 }
 
 _RELATIONS: dict[str, Callable[..., Any]] = {
@@ -65,8 +76,8 @@ class Linearization:
 
     def poles(self) -> Complex:
         """The eigenvalues of A, largest magnitude first; stable inside the unit circle."""
-        found = np.linalg.eigvals(self.A).astype(complex)
-        return np.asarray(found[np.argsort(-np.abs(found), kind="stable")])
+        z = np.linalg.eigvals(self.A).astype(complex)
+        return np.asarray(z[np.argsort(-np.abs(z), kind="stable")])
 
     def response(
         self, omega: ArrayLike, inputs: Sequence[str] | str | None = None, outputs: Sequence[str] | str | None = None
@@ -78,29 +89,6 @@ class Linearization:
         b = np.broadcast_to(self.B[:, columns], (frequencies.size, len(self.A), len(columns)))
         states = np.linalg.solve(z * np.eye(len(self.A)) - self.A, b)
         return np.asarray(self.C[rows] @ states + self.D[np.ix_(rows, columns)])
-
-    def restricted(
-        self, inputs: Sequence[str] | str | None = None, outputs: Sequence[str] | str | None = None
-    ) -> Linearization:
-        """These inputs and outputs only, without the states that no such output can see (sums of meters)."""
-        columns, rows = self._places("input", inputs), self._places("output", outputs)
-        seen = (self.C[rows] != 0.0).any(axis=0)
-        while True:
-            more = seen | (self.A[seen] != 0.0).any(axis=0)
-            if (more == seen).all():
-                break
-            seen = more
-        kept = np.flatnonzero(seen)
-        return Linearization(
-            self.A[np.ix_(kept, kept)],
-            self.B[np.ix_(kept, columns)],
-            self.C[np.ix_(rows, kept)],
-            self.D[np.ix_(rows, columns)],
-            self.dt,
-            tuple(self.state_names[i] for i in kept),
-            tuple(self.input_names[i] for i in columns),
-            tuple(self.output_names[i] for i in rows),
-        )
 
     def to_control(self) -> Any:
         """The same as a ``control.StateSpace`` of python-control, names included."""
@@ -119,40 +107,32 @@ class Linearization:
         known = self.input_names if kind == "input" else self.output_names
         if names is None:
             return np.arange(len(known))
-        found: list[int] = []
+        places: list[int] = []
         for name in (names,) if isinstance(names, str) else names:
-            places = [i for i, k in enumerate(known) if k == name or k.rpartition("[")[0] == name]
-            if not places:
-                raise InputError(f"unknown {kind} '{name}'; choose from {', '.join(known) or 'none: there are none'}")
-            found += places
-        return np.array(found, dtype=np.int64)
+            elements = [i for i, k in enumerate(known) if k == name or k.rpartition("[")[0] == name]
+            if not elements:
+                message = f"unknown {kind} '{name}'; choose from {', '.join(known) or 'none: there are none'}"
+                raise InputError(message, field=kind, value=name, valid=known)
+            places += elements
+        return np.array(places, dtype=np.int64)
 
 
 def linearize(
     program: Program, layout: Layout, parameters: Floats, state: Floats, inputs: Floats, tick: int
 ) -> Linearization:
-    """The Jacobians of update and outputs with respect to state and inputs at one point, exact to rounding."""
-    states = state.size
-    _, rows = evaluate(program, parameters, state, inputs, program.offset + tick * program.period)
-    next_state, outputs = rows[:states], rows[states:]
-    return Linearization(
-        next_state[:, :states],
-        next_state[:, states:],
-        outputs[:, :states],
-        outputs[:, states:],
-        program.period,
-        tuple(layout.states.elements()),
-        tuple(layout.inputs.elements()),
-        tuple(layout.outputs.elements()),
-    )
-
-
-def evaluate(program: Program, parameters: Floats, state: Floats, inputs: Floats, time: float) -> tuple[Floats, Floats]:
-    """Next state and outputs, (states + outputs,), and their gradients by (state, inputs).
+    """The Jacobians of update and outputs with respect to state and inputs at one point, exact to rounding.
 
     The derivative of the branch taken, for choices (min, max, if-then-else); 0 for steps (floor, ceil) and of abs at 0.
     """
-    width = state.size + inputs.size
+    n, time = state.size, np.float64(program.offset + tick * program.period)
+    rows = _gradients(program, {"parameter": parameters, "state": state, "input": inputs}, time)
+    names = (tuple(names.elements()) for names in (layout.states, layout.inputs, layout.outputs))
+    return Linearization(rows[:n, :n], rows[:n, n:], rows[n:, :n], rows[n:, n:], program.period, *names)
+
+
+def _gradients(program: Program, given: dict[str, Floats], time: Any) -> Floats:
+    """Gradients of next state and outputs by (state, inputs), a row each: forward through the program."""
+    states, width = given["state"].size, given["state"].size + given["input"].size
     zero, identity = np.zeros(width), np.eye(width)
     values: dict[int, Any] = {}
     gradients: dict[int, Any] = {}
@@ -160,60 +140,32 @@ def evaluate(program: Program, parameters: Floats, state: Floats, inputs: Floats
     with np.errstate(all="ignore"):
         for i in sorted(program.graph.needed(roots)):
             operation, *rest = program.graph.nodes[i]
-            gradient = zero
+            value, gradient = time, zero
             if operation == "constant":
-                value: Any = {"True": True, "False": False}.get(rest[0])
-                value = np.float64(rest[0]) if value is None else value
-            elif operation == "time":
-                value = np.float64(time)
-            elif operation == "parameter":
-                value = parameters[rest[0]]
-            elif operation == "state":
-                value, gradient = state[rest[0]], identity[rest[0]]
-            elif operation == "input":
-                value, gradient = inputs[rest[0]], identity[state.size + rest[0]]
+                value = rest[0] == "True" if rest[0] in ("True", "False") else np.float64(rest[0])
+            elif operation in given:
+                value = given[operation][rest[0]]
+                if operation != "parameter":
+                    gradient = identity[rest[0] + (states if operation == "input" else 0)]
             elif operation in _RELATIONS:
                 value = _RELATIONS[operation](*(values[j] for j in rest))
-            elif operation == "select":
-                taken = rest[1] if values[rest[0]] else rest[2]
+            elif operation in ("select", "min", "max"):
+                if operation == "select":
+                    taken = rest[1] if values[rest[0]] else rest[2]
+                else:
+                    a, b = (values[j] for j in rest)
+                    taken = rest[1] if (b < a if operation == "min" else a < b) else rest[0]
                 value, gradient = values[taken], gradients[taken]
-            elif operation in ("min", "max"):
-                a, b = rest
-                second = values[b] < values[a] if operation == "min" else values[a] < values[b]
-                value, gradient = values[b if second else a], gradients[b if second else a]
-            elif operation in _UNARY:
-                function, slope = _UNARY[operation]
-                value = function(values[rest[0]])
-                gradient = _times(slope(values[rest[0]], value), gradients[rest[0]])
-            else:
-                a, b = rest
-                value, by_a, by_b = _binary(operation, values[a], values[b])
-                gradient = _times(by_a, gradients[a]) + _times(by_b, gradients[b])
+            elif operation != "time":
+                function, slopes = _FUNCTIONS[operation]
+                operands = [values[j] for j in rest]
+                value = function(*operands)
+                partials = zip(slopes(*operands, value), rest, strict=True)
+                gradient = sum((_times(slope, gradients[j]) for slope, j in partials), zero)
             values[i], gradients[i] = value, gradient
-    rows = np.array([gradients[i] for i in roots]).reshape(len(roots), width)
-    return np.array([values[i] for i in roots]), rows
+    return np.array([gradients[i] for i in roots]).reshape(len(roots), width)
 
 
 def _times(slope: Any, gradient: Floats) -> Floats:
     # an infinite slope of something that does not depend on the state is no nan
     return np.where(gradient == 0.0, 0.0, slope * gradient)
-
-
-def _binary(operation: str, a: Any, b: Any) -> tuple[Any, Any, Any]:
-    """Value and partial derivatives."""
-    if operation == "add":
-        return a + b, 1.0, 1.0
-    if operation == "sub":
-        return a - b, 1.0, -1.0
-    if operation == "mul":
-        return a * b, b, a
-    if operation == "div":
-        return a / b, 1.0 / b, -a / (b * b)
-    if operation == "atan2":
-        square = a * a + b * b
-        return np.arctan2(a, b), b / square, -a / square
-    assert operation == "pow"
-    value = np.power(a, b)
-    # log of a negative base is nan, which _times drops where the exponent is constant
-    by_exponent = value * np.log(a) if a > 0.0 else (0.0 if a == 0.0 and b > 0.0 else math.nan)
-    return value, b * np.power(a, b - 1.0), by_exponent

@@ -12,7 +12,7 @@ Not left to a compiler that may or may not vectorise a loop: the vectors are wri
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable
 
 from llvmlite import ir  # type: ignore[import-untyped]
 
@@ -20,6 +20,8 @@ from flipdiagram.compiled.functions import exponential, hyperbolic_tangent, sine
 from flipdiagram.compiled.graph import ATOMS
 from flipdiagram.compiled.read import Program
 from flipdiagram.compiled.vectors import (
+    BITS,
+    DOUBLE,
     DOUBLES,
     INTEGER,
     INTEGERS,
@@ -29,7 +31,6 @@ from flipdiagram.compiled.vectors import (
     Value,
     VectorBuilder,
     number,
-    truth,
     whole,
 )
 
@@ -95,53 +96,51 @@ class _Printer:
 
     def _eight_channels(self, channel: Value, signals: Value) -> None:
         """All ticks of the channels from ``channel`` on; lanes beyond the last channel never move."""
-        b, given, states = self._builder, self._given, range(len(self._program.update))
-        inside = b.icmp_signed("<", b.add(b.spread(channel), LANE_NUMBERS), b.spread(given["channels"]))
+        b, given, n = self._builder, self._given, self._given["channels"]
+        inside = b.icmp_signed("<", b.add(b.spread(channel), LANE_NUMBERS), b.spread(n))
         length = b.load_lanes(INTEGERS, b.at(given["ticks"], channel), inside, whole(0))
         start = b.sitofp(b.load_lanes(INTEGERS, b.at(given["start"], channel), inside), DOUBLES)
-        places = [b.at(given["state"], b.mul(given["channels"], ir.Constant(INTEGER, i)), channel) for i in states]
+        places = [b.at(given["state"], channel, i, n) for i in range(len(self._program.update))]
         begin = [b.load_lanes(DOUBLES, place, inside) for place in places]
         for i, place in self._atoms("parameter"):
-            row = b.mul(given["channels"], ir.Constant(INTEGER, place))
-            self._values[i] = b.load_lanes(DOUBLES, b.at(given["parameters"], row, channel), inside)
+            self._values[i] = b.load_lanes(DOUBLES, b.at(given["parameters"], channel, place, n), inside)
         self._compute(i for i in self._order if i in self._constant)
+        longest = b.call(b.external(f"llvm.vector.reduce.smax.v{LANES}i64", INTEGER, INTEGERS), [length])
 
-        before, longest = b.block, b.largest(length)
-        tick, after = b.append_basic_block("tick"), b.append_basic_block("after")
+        before, tick, after = b.block, b.append_basic_block("tick"), b.append_basic_block("after")
         b.branch(tick)
         b.position_at_end(tick)
-        k, row, *x = b.phi(INTEGER), b.phi(INTEGER), *(b.phi(DOUBLES) for _ in states)
+        k, row, *x = b.phi(INTEGER), b.phi(INTEGER), *(b.phi(DOUBLES) for _ in begin)
         self._values |= {i: x[place] for i, place in self._atoms("state")}
         self._time_and_inputs(k, start, channel, inside)
-        self._compute(i for i in self._order if i in self._in_tick - self._constant)
+        self._compute(i for i in self._order if i in self._in_tick and i not in self._constant)
         due = b.and_(b.icmp_signed("==", k, b.mul(row, given["every"])), b.icmp_signed("<", row, given["rows"]))
         with b.if_then(due, likely=False):
-            self._write(row, channel, b.and_(inside, b.icmp_signed(">=", length, b.spread(k))), x, signals)
+            reached = b.icmp_signed(">=", length, b.spread(k))
+            self._write(row, channel, b.and_(inside, reached), x, signals)
         runs = b.icmp_signed(">", length, b.spread(k))
         following = [b.select(runs, self._read(i), own) for i, own in zip(self._program.update, x, strict=True)]
-        next_k, next_row = b.add(k, ir.Constant(INTEGER, 1)), b.add(row, b.zext(due, INTEGER))
-        b.cbranch(b.icmp_signed("<", k, longest), tick, after)
-        zero = ir.Constant(INTEGER, 0)
-        for phi, one, other in zip([k, row, *x], [zero, zero, *begin], [next_k, next_row, *following], strict=True):
-            phi.add_incoming(one, before)
+        zero, one = ir.Constant(INTEGER, 0), ir.Constant(INTEGER, 1)
+        begin, following = [zero, zero, *begin], [b.add(k, one), b.add(row, b.zext(due, INTEGER)), *following]
+        for phi, first, other in zip([k, row, *x], begin, following, strict=True):
+            phi.add_incoming(first, before)
             phi.add_incoming(other, b.block)
+        b.cbranch(b.icmp_signed("<", k, longest), tick, after)
         b.position_at_end(after)
         for place, value in zip(places, x, strict=True):
             b.store_lanes(value, place, inside)
 
     def _time_and_inputs(self, k: Value, start: Value, channel: Value, inside: Value) -> None:
         """Values of time, in Drake's own expression for the time of a sample, and of the inputs at tick ``k``."""
-        b, given = self._builder, self._given
+        b, given, program = self._builder, self._given, self._program
         if ("time",) in self._nodes:
-            seconds = b.fmul(b.fadd(start, b.spread(b.sitofp(k, DOUBLES.element))), number(self._program.period))
-            self._values[self._nodes.index(("time",))] = b.fadd(number(self._program.offset), seconds)
-        held = given["held"]
-        row = b.select(b.icmp_signed("<", k, held), k, held)
+            seconds = b.fmul(b.fadd(start, b.spread(b.sitofp(k, DOUBLE))), number(program.period))
+            self._values[self._nodes.index(("time",))] = b.fadd(number(program.offset), seconds)
+        row = b.select(b.icmp_signed("<", k, given["held"]), k, given["held"])
+        rows, shift = b.add(given["held"], ir.Constant(INTEGER, 1)), b.mul(channel, given["stride"])
         for i, place in self._atoms("input"):
-            first = b.mul(ir.Constant(INTEGER, place), b.add(held, ir.Constant(INTEGER, 1)))
-            element = b.mul(b.add(first, row), given["pitch"])
-            address = b.at(given["inputs"], element, b.mul(channel, given["stride"]))
-            self._values[i] = b.load_lanes(DOUBLES, address, inside)
+            element = b.add(b.mul(ir.Constant(INTEGER, place), rows), row)
+            self._values[i] = b.load_lanes(DOUBLES, b.at(given["inputs"], shift, element, given["pitch"]), inside)
 
     def _write(self, row: Value, channel: Value, inside: Value, states: list[Value], signals: Value) -> None:
         """One row of the log."""
@@ -152,34 +151,35 @@ class _Printer:
         with b.counting(ir.Constant(INTEGER, 0), given["width"]) as column:
             signal = b.load(b.at(given["columns"], column), typ=INTEGER)
             value = b.load(b.gep(signals, [signal], source_etype=DOUBLES), typ=DOUBLES)
-            element = b.mul(b.add(b.mul(row, given["width"]), column), given["channels"])
-            b.store_lanes(value, b.at(given["log"], element, channel), inside)
+            element = b.add(b.mul(row, given["width"]), column)
+            b.store_lanes(value, b.at(given["log"], channel, element, given["channels"]), inside)
 
     def _atoms(self, kind: str) -> list[tuple[int, int]]:
         """(node, place) of the states, inputs or parameters that are read."""
         return [(i, self._nodes[i][1]) for i in self._order if self._nodes[i][0] == kind]
 
-    def _compute(self, nodes: Any) -> None:
+    def _compute(self, nodes: Iterable[int]) -> None:
         for i in nodes:
             kind, *operands = self._nodes[i]
             if kind not in ATOMS:
                 own = kind in _OWN and not self._exact and i not in self._constant
-                operation = self._own if own else self._operation
-                self._values[i] = operation(kind, *operands)
+                self._values[i] = self._own(kind, *operands) if own else self._operation(kind, *operands)
 
     def _read(self, i: int) -> Value:
         kind, *rest = self._nodes[i]
-        if kind == "constant":
-            return truth(rest[0] == "True") if rest[0] in ("True", "False") else number(float(rest[0]))
-        return self._values[i]
+        if kind != "constant":
+            return self._values[i]
+        return ir.Constant(BITS, rest[0] == "True") if rest[0] in ("True", "False") else number(float(rest[0]))
 
     def _own(self, kind: str, operand: int) -> Value:
         b, x = self._builder, self._read(operand)
-        if kind in ("sin", "cos"):
-            if operand not in self._pairs:
-                self._pairs[operand] = sine_and_cosine(b, x)
-            return self._pairs[operand][kind == "cos"]
-        return exponential(b, x) if kind == "exp" else hyperbolic_tangent(b, x)
+        if kind == "exp":
+            return exponential(b, x)
+        if kind == "tanh":
+            return hyperbolic_tangent(b, x)
+        if operand not in self._pairs:
+            self._pairs[operand] = sine_and_cosine(b, x)
+        return self._pairs[operand][kind == "cos"]
 
     def _operation(self, kind: str, *operands: int) -> Value:
         b, values = self._builder, [self._read(i) for i in operands]

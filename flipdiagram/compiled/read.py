@@ -48,9 +48,9 @@ class _SymbolicLeaf:
 
     def symbols(self, size: int, *key: Any) -> Any:
         """New variables, remembered as (*key, element)."""
-        made = [Variable(f"{key[0]}{i}") for i in range(size)]
-        self.variables.update({variable.get_id(): (*key, i) for i, variable in enumerate(made)})
-        return np.array([Expression(variable) for variable in made])
+        variables = [Variable(f"{key[0]}{i}") for i in range(size)]
+        self.variables.update({variable.get_id(): (*key, i) for i, variable in enumerate(variables)})
+        return np.array([Expression(variable) for variable in variables])
 
     def keys(self, expression: Any) -> Iterator[tuple[Any, ...]]:
         """What the free variables of an expression stand for."""
@@ -79,12 +79,7 @@ class _Reader:
         exported = [port.source for port in self._layout.structure.outputs]
         roots = [(at, expression) for at, update in enumerate(updates) for group in update for expression in group]
         self._join(roots, [(s[0], s[1]) for s in exported if s is not None and s[0] is not None])
-        places = [
-            self._translate(at, expression, "its update")
-            for at, update in enumerate(updates)
-            for group in update
-            for expression in group
-        ]
+        places = [self._translate(at, expression, "its update") for at, expression in roots]
         outputs: list[int] = []
         for port in self._layout.structure.outputs:
             assert port.source is not None
@@ -138,24 +133,20 @@ class _Reader:
 
     def _inputs(self, at: int, expression: Any) -> list[Signal]:
         """The signals of other leaves that an expression of a leaf reads."""
-        found = []
+        signals = []
         for kind, *rest in self._leaves[at].keys(expression):
-            if kind == "u":
-                source = self._leaves[at].leaf.sources[rest[0]]
-                assert source is not None
-                if source[0] is not None:
-                    found.append((source[0], source[1], rest[1]))
-        return found
+            source = self._leaves[at].leaf.sources[rest[0]] if kind == "u" else None
+            if source is not None and source[0] is not None:
+                signals.append((source[0], source[1], rest[1]))
+        return signals
 
     def _translate(self, at: int, expression: Any, where: str) -> int:
         try:
             return self._translators[at].expression(expression)
-        except Unprintable as error:
-            label = self._leaves[at].leaf.label
-            raise NotCompilable(f"block {label} has no printed form: {where} holds {error}") from None
-        except RecursionError:
-            label = self._leaves[at].leaf.label
-            raise NotCompilable(f"block {label} has no printed form: {where} is nested too deeply") from None
+        except (Unprintable, RecursionError) as error:
+            reason = "is nested too deeply" if isinstance(error, RecursionError) else f"holds {error}"
+            message = f"block {self._leaves[at].leaf.label} has no printed form: {where} {reason}"
+            raise NotCompilable(message) from None
 
     def _node(self, at: int, variable: int) -> int:
         kind, *rest = self._leaves[at].variables[variable]

@@ -52,26 +52,27 @@ class Structure:
 def flatten(diagram: Any) -> Structure:
     """The structure of a Diagram (or of a single leaf) over float; raises InputError for anything else."""
     if not isinstance(diagram, System):
-        raise InputError(f"{type(diagram).__name__} is no System; valid is a Drake Diagram over float")
-    found: list[tuple[str, Any, list[Any]]] = []
-    kept: list[Any] = [diagram]  # identities are compared, so every object found stays alive until the end
+        message = f"{type(diagram).__name__} is no System; valid is a Drake Diagram over float"
+        raise InputError(message, field="diagram", value=diagram, valid="a Drake Diagram over float")
+    blocks: list[tuple[str, Any, list[Any]]] = []
+    alive: list[Any] = [diagram]  # identities are compared, so every object met stays alive until the end
 
     def visit(system: Any, path: str, bindings: list[Any]) -> None:
         if not isinstance(system, Diagram):
-            found.append((path or readable_name(system, 0), system, bindings))
+            blocks.append((path or readable_name(system, 0), system, bindings))
             return
         wires = {(id(s), int(i)): (o, int(j)) for (s, i), (o, j) in system.connection_map().items()}
         for exported in range(system.num_input_ports()):
             for target, index in system.GetInputPortLocators(InputPortIndex(exported)):
                 wires[id(target), int(index)] = bindings[exported]
         for position, part in enumerate(system.GetSystems()):
-            kept.append(part)
+            alive.append(part)
             name = readable_name(part, position)
             ports = [wires.get((id(part), i)) for i in range(part.num_input_ports())]
             visit(part, f"{path}::{name}" if path else name, ports)
 
     visit(diagram, "", [(None, i) for i in range(diagram.num_input_ports())])
-    places = {id(system): place for place, (_, system, _) in enumerate(found)}
+    places = {id(system): place for place, (_, system, _) in enumerate(blocks)}
 
     def resolve(system: Any, port: int) -> Source:
         while isinstance(system, Diagram):
@@ -81,7 +82,7 @@ def flatten(diagram: Any) -> Structure:
 
     leaves = tuple(
         Leaf(name, system, tuple(None if b is None else resolve(*b) for b in bindings))
-        for name, system, bindings in found
+        for name, system, bindings in blocks
     )
     inputs = [diagram.get_input_port(i) for i in range(diagram.num_input_ports())]
     outputs = [diagram.get_output_port(i) for i in range(diagram.num_output_ports())]
@@ -112,8 +113,8 @@ def timings(leaf: Leaf) -> list[tuple[float, float]]:
     try:  # no other public way to tell none from several
         leaf.system.EvalUniquePeriodicDiscreteUpdate(leaf.system.CreateDefaultContext())
     except RuntimeError as error:
-        found = re.findall(r"\(([-+.\de]+),([-+.\de]+)\)", str(error))
-        return [(float(period), float(offset)) for offset, period in found]
+        pairs = re.findall(r"\(([-+.\de]+),([-+.\de]+)\)", str(error))
+        return [(float(period), float(offset)) for offset, period in pairs]
     return []
 
 

@@ -15,10 +15,10 @@ from flipdiagram.compiled.vectors import LANES
 _PIECE = 10_000_000  # channel-ticks between two looks at Ctrl-C
 
 
-def advance(
+def run_kernel(
     kernel: Kernel, given: Channels, columns: Indices, rows: int, every: int, threads: int | None
 ) -> tuple[Floats, Floats]:
-    """Final states (n, states) and log (n, rows, width) of a kernel; see ``BatchDiagram._advance``."""
+    """Final states (n, states) and log (n, rows, width) of a kernel; see ``BatchDiagram.advance``."""
     n = given.ticks.size
     # eight channels wait for the longest of them: neighbours of like length wait least
     order = np.arange(n) if rows or (np.diff(given.ticks) >= 0).all() else np.argsort(given.ticks, kind="stable")

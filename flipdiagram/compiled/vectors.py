@@ -27,11 +27,6 @@ def whole(value: int) -> Value:
     return ir.Constant(INTEGERS, value)
 
 
-def truth(value: bool) -> Value:
-    """A bit in every lane."""
-    return ir.Constant(BITS, value)
-
-
 class VectorBuilder(ir.IRBuilder):  # type: ignore[misc]
     """LLVM's builder for vectors; ``fadd`` and its like round once: nothing is contracted or reordered."""
 
@@ -67,20 +62,11 @@ class VectorBuilder(ir.IRBuilder):  # type: ignore[misc]
         zeros = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
         return self.shuffle_vector(first, ir.Constant(vector, ir.Undefined), zeros)
 
-    def largest(self, integers: Value) -> Value:
-        """The largest of the lanes."""
-        return self.call(self.external(f"llvm.vector.reduce.smax.v{LANES}i64", INTEGER, INTEGERS), [integers])
-
-    def any(self, bits: Value) -> Value:
-        """Whether a bit is set in any lane."""
-        packed = self.bitcast(bits, ir.IntType(LANES))
-        return self.icmp_unsigned("!=", packed, ir.Constant(packed.type, 0))
-
-    def at(self, array: Value, *terms: Value | int) -> Value:
-        """The address of an element of an array in memory; its place is the sum of the terms."""
-        place, *rest = (ir.Constant(INTEGER, term) if isinstance(term, int) else term for term in terms)
-        for term in rest:
-            place = self.add(place, term)
+    def at(self, array: Value, place: Value, row: Value | int = 0, pitch: Value | None = None) -> Value:
+        """The address of the element row pitch + place of numbers in memory, of eight bytes each."""
+        if pitch is not None:
+            row = ir.Constant(INTEGER, row) if isinstance(row, int) else row
+            place = self.add(self.mul(row, pitch), place)
         return self.gep(array, [place], source_etype=DOUBLE)
 
     def load_lanes(self, kind: Any, address: Value, inside: Value, outside: Value | None = None) -> Value:

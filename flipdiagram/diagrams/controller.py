@@ -115,19 +115,10 @@ def add_controller(
     offset: float = 0.0,
     replace: Mapping[str, Box] | None = None,
 ) -> ControllerBoxes:
-    """Add the boxes and arrows of an architecture to a diagram; the caller takes tau from the torque limit.
+    """Add what `build_controller` builds, flat: Drake evaluates a sub-diagram at twice the cost.
 
-    They stand flat in it: Drake evaluates a sub-diagram at twice the cost.
-
-    Args:
-        builder: the diagram.
-        scenario: gains, period and nominal inertia.
-        architecture: one of `ARCHITECTURES`.
-        arm: the controller's model of the arm.
-        q_start: joint angles (n,) [rad] at which M_n is taken where the scenario gives none.
-        inputs: x_cmd, v_cmd, a_cmd, q and qd: ports, or sizes of inputs of the diagram, see `Arrows`.
-        offset: that of the sampled boxes [s].
-        replace: boxes of the user's own by name, see `replacement.with_replaced`.
+    Beside its arguments: q_start (n,) [rad], where M_n is taken if the scenario gives none; inputs, the figure's by
+    name, ports or sizes of inputs of the diagram (see `Arrows`); offset [s], that of the sampled boxes.
     """
     ours = _boxes(scenario, architecture, arm, nominal_inertia(scenario, arm, q_start), offset)
     placed = with_replaced(ours, replace or {}, SIGNALS, architecture)

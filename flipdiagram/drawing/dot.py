@@ -6,7 +6,7 @@ import shutil
 import subprocess
 from html import escape
 
-from flipdiagram.drawing.graph import Box, Graph, Path, full_name
+from flipdiagram.drawing.graph import Box, Graph, Names, full_name
 from flipdiagram.drawing.layout import Line
 from flipdiagram.drawing.placement import Placement, place
 from flipdiagram.drawing.style import Style
@@ -30,7 +30,7 @@ HEAD = f"""  graph [rankdir=LR, bgcolor=white, splines=spline, nodesep=0.35, ran
 
 def to_dot(
     graph: Graph,
-    drawn: tuple[Line, ...],
+    lines: tuple[Line, ...],
     style: Style,
     title: str | None = None,
     *,
@@ -39,9 +39,9 @@ def to_dot(
 ) -> str:
     """The drawing as DOT text, the same on every build of the same diagram; with fixed places where given."""
     out = ["digraph diagram {", HEAD]
-    main = {path for line in drawn if line.main for path in (line.source, line.target)}
+    main = {path for line in lines if line.main for path in (line.source, line.target)}
     out += _cluster(graph, (), style, main, placed, "  ")
-    out += [f"  {_edge(i, line, placed)};" for i, line in enumerate(drawn)]
+    out += [f"  {_edge(i, line, placed)};" for i, line in enumerate(lines)]
     for i, (x, y) in enumerate(placed.branches if placed else ()):
         out.append(f'  "branch:{i}" [shape=point, width=0.06, fillcolor="#333333", label="", pos="{x:.2f},{y:.2f}"];')
     if title is not None:
@@ -59,16 +59,16 @@ def to_dot(
     return "\n".join([*out, "}", ""])
 
 
-def render(graph: Graph, drawn: tuple[Line, ...], style: Style, title: str | None, form: str) -> bytes:
+def render(graph: Graph, lines: tuple[Line, ...], style: Style, title: str | None, form: str) -> bytes:
     """The drawing as `svg` or `png`.  Raises MissingProgramError where Graphviz is not installed.
 
     Graphviz's `dot` places the boxes, `placement` the arrows, and Graphviz's `neato -n2` draws what stands where.
     """
-    if len(drawn) > MOST_LINES:
-        return run_dot(to_dot(graph, drawn, style, title), f"-T{form}")
+    if len(lines) > MOST_LINES:
+        return run_dot(to_dot(graph, lines, style, title), f"-T{form}")
     sums = frozenset(full_name(box.path) for box in graph.boxes if box.kind == "sum")
-    placed = place(run_dot(to_dot(graph, drawn, style, legend=False), "-Tjson"), drawn, sums)
-    return run_dot(to_dot(graph, drawn, style, title, placed=placed), "-Kneato", "-n2", f"-T{form}")
+    placed = place(run_dot(to_dot(graph, lines, style, legend=False), "-Tjson"), lines, sums)
+    return run_dot(to_dot(graph, lines, style, title, placed=placed), "-Kneato", "-n2", f"-T{form}")
 
 
 def run_dot(text: str, *options: str) -> bytes:
@@ -89,13 +89,13 @@ def quoted(text: str) -> str:
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", " ") + '"'
 
 
-def key(path: Path) -> str:
+def key(path: Names) -> str:
     """The quoted id of a box."""
     return quoted(full_name(path))
 
 
 def _cluster(
-    graph: Graph, path: Path, style: Style, main: set[Path], placed: Placement | None, indent: str
+    graph: Graph, path: Names, style: Style, main: set[Names], placed: Placement | None, indent: str
 ) -> list[str]:
     boxes = [box for box in graph.boxes if box.path[:-1] == path]
     out = [f"{indent}{_node(box, style, box.path in main, placed)};" for box in boxes]

@@ -84,7 +84,8 @@ class Drawing:
         }
         suffix = Path(path).suffix.lower()
         if suffix not in forms:
-            raise InputError(f"drawing '{path}' has the suffix '{suffix}'; choose from {', '.join(forms)}")
+            message = f"drawing '{path}' has the suffix '{suffix}'; choose from {', '.join(forms)}"
+            raise InputError(message, field="path", value=suffix, valid=list(forms))
         return write_atomically(path, forms[suffix]())
 
     def _render(self, form: str) -> bytes:
@@ -128,7 +129,8 @@ def draw(
     """
     if not isinstance(diagram, Diagram):
         if not hasattr(diagram, "diagram"):
-            raise InputError(f"cannot draw a {type(diagram).__name__}; valid is a Drake Diagram or a Loop")
+            message = f"cannot draw a {type(diagram).__name__}; valid is a Drake Diagram or a Loop"
+            raise InputError(message, field="diagram", value=diagram, valid="a Drake Diagram or a Loop")
         groups = diagram.groups if groups is None else groups
         diagram = diagram.diagram
     graph = read_graph(diagram, depth=depth, groups=groups, taps=taps)

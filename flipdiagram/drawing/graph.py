@@ -15,18 +15,18 @@ _ADDRESS = re.compile(r"@[0-9a-f]{6,}")
 _GENERIC = re.compile(r"(?:u|y|sum|in|out|input|output|data)_?\d*")
 """Names that Drake's own systems give their ports, which say nothing of the signal."""
 
-Path = tuple[str, ...]
+Names = tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Box:
-    """One thing drawn: a leaf system, a closed sub-diagram or group, or a port of the whole diagram."""
+    """What a drawing shows as one: a leaf system, a closed sub-diagram or group, or a port of the whole diagram."""
 
-    path: Path
+    path: Names
     """Names from the outermost open sub-diagram to the box itself."""
     kind: str
     """`box`, `sum` (a Drake Adder), `closed` (a sub-diagram or group not opened), `input` or `output`."""
-    systems: tuple[tuple[Path, System], ...]
+    systems: tuple[tuple[Names, System], ...]
     """The leaf systems that it stands for, with their full paths."""
 
     @property
@@ -39,8 +39,8 @@ class Box:
 class Arrow:
     """One connection between two boxes, of a signal from port to port."""
 
-    source: Path
-    target: Path
+    source: Names
+    target: Names
     signal: str
     """Name of the signal after its ports; empty where they have none of their own (Drake's u0, y0, sum)."""
     source_port: str
@@ -54,16 +54,16 @@ class Graph:
 
     boxes: tuple[Box, ...]
     arrows: tuple[Arrow, ...]
-    open_paths: tuple[Path, ...]
+    open_paths: tuple[Names, ...]
     """Sub-diagrams and groups that are drawn open, outermost first."""
     diagram: Diagram
 
 
 @dataclass(frozen=True)
 class _End:
-    """A port of a drawn box; `names` of it from the outermost open sub-diagram that exports it to the box's own."""
+    """A port of a box; `names` of it from the outermost open sub-diagram that exports it to the box's own."""
 
-    path: Path
+    path: Names
     names: tuple[str, ...]
     port: str
 
@@ -73,11 +73,11 @@ def read_graph(
 ) -> Graph:
     """Boxes and arrows of a diagram; see `flipdiagram.drawing.draw` for the arguments and the errors."""
     if isinstance(depth, bool) or not isinstance(depth, int) or depth < 0:
-        raise InputError(f"depth = {depth!r}; valid is a whole number >= 0")
+        raise InputError.of("depth", depth, "a whole number >= 0")
     return _Reader(diagram, depth, groups or {}, taps).read()
 
 
-def full_name(path: Path) -> str:
+def full_name(path: Names) -> str:
     """A path as one name, which Graphviz keeps as it is."""
     return "/".join(path).replace("\\", "∖").replace("\n", " ")
 
@@ -92,7 +92,7 @@ def _only_looks_on(system: System) -> bool:
     return isinstance(system, VectorLogSink) or getattr(system, "only_looks_on", False)
 
 
-def leaves(path: Path, system: System) -> Iterator[tuple[Path, System]]:
+def leaves(path: Names, system: System) -> Iterator[tuple[Names, System]]:
     """The leaf systems of a system with their paths, in the order in which they were added."""
     if not isinstance(system, Diagram):
         yield path, system
@@ -105,7 +105,7 @@ def named_systems(diagram: Diagram) -> list[tuple[str, System]]:
     """Systems of a diagram and their names; one that has none, for which Drake takes its address, goes by its class."""
     systems = list(diagram.GetSystems())
     taken = {system.get_name() for system in systems}
-    found = []
+    named = []
     for system in systems:
         name = system.get_name()
         if not name or _ADDRESS.search(name):
@@ -115,19 +115,19 @@ def named_systems(diagram: Diagram) -> list[tuple[str, System]]:
                 count += 1
                 name = f"{stem}_{count}"
             taken.add(name)
-        found.append((name, system))
-    return found
+        named.append((name, system))
+    return named
 
 
 class _Reader:
-    """One reading of a diagram: which path each system has, and which of the paths are drawn."""
+    """One reading of a diagram: which path each system has, and which of the paths are shown."""
 
     def __init__(self, diagram: Diagram, depth: int, groups: Mapping[str, Collection[str]], taps: bool) -> None:
         self._diagram, self._depth, self._taps = diagram, depth, taps
         self._group_of = _group_of(diagram, groups)
-        self._paths: dict[System, Path] = {}
-        self._drawn: dict[Path, Box] = {}
-        self._open: list[Path] = []
+        self._paths: dict[System, Names] = {}
+        self._boxes: dict[Names, Box] = {}
+        self._open: list[Names] = []
         self._arrows: list[Arrow] = []
 
     def read(self) -> Graph:
@@ -148,9 +148,9 @@ class _Reader:
             if end is None or (closed_loop and not self._taps and end.port in carried):
                 continue
             self._add_arrow(end, _End(self._add_terminal(port.get_name(), "output"), (), port.get_name()))
-        return Graph(tuple(self._drawn.values()), tuple(self._arrows), tuple(self._open), self._diagram)
+        return Graph(tuple(self._boxes.values()), tuple(self._arrows), tuple(self._open), self._diagram)
 
-    def _add_boxes(self, diagram: Diagram, above: Path) -> None:
+    def _add_boxes(self, diagram: Diagram, above: Names) -> None:
         for name, system in named_systems(diagram):
             if not self._taps and _only_looks_on(system):
                 continue
@@ -164,22 +164,22 @@ class _Reader:
                 self._open.append(outer)
             if not isinstance(system, Diagram):
                 kind = "sum" if isinstance(system, Adder) else "box"
-                self._drawn[path] = Box(path, kind, ((path, system),))
+                self._boxes[path] = Box(path, kind, ((path, system),))
             elif len(path) > self._depth:
                 self._add_closed(path, leaves(path, system))
             else:
                 self._open.append(path)
                 self._add_boxes(system, path)
 
-    def _add_closed(self, path: Path, inside: Iterator[tuple[Path, System]]) -> None:
-        before = self._drawn[path].systems if path in self._drawn else ()
-        self._drawn[path] = Box(path, "closed", (*before, *inside))
+    def _add_closed(self, path: Names, inside: Iterator[tuple[Names, System]]) -> None:
+        before = self._boxes[path].systems if path in self._boxes else ()
+        self._boxes[path] = Box(path, "closed", (*before, *inside))
 
-    def _add_terminal(self, name: str, kind: str) -> Path:
-        path: Path = (name,)
-        while path in self._drawn or path in self._open:
+    def _add_terminal(self, name: str, kind: str) -> Names:
+        path: Names = (name,)
+        while path in self._boxes or path in self._open:
             path = (f"{path[0]} ({kind})",)
-        self._drawn[path] = Box(path, kind, ())
+        self._boxes[path] = Box(path, kind, ())
         return path
 
     def _connect(self, diagram: Diagram) -> None:
@@ -218,36 +218,39 @@ class _Reader:
     def _full_name(self, system: System, port: str) -> str:
         return f"{full_name(self._paths[system])}.{port}"
 
-    def _visible(self, system: System) -> Path | None:
+    def _visible(self, system: System) -> Names | None:
         path = self._paths.get(system)
-        while path and path not in self._drawn:
+        while path and path not in self._boxes:
             path = path[:-1]
         return path or None
 
     def _add_arrow(self, start: _End, end: _End) -> None:
-        if start.path == end.path and self._drawn[start.path].kind == "closed" and self._inside_group(start.path):
+        if start.path == end.path and self._boxes[start.path].kind == "closed" and self._inside_group(start.path):
             return
         signal = ""
         if start.names and end.names:
             signal = next((name for name in (*start.names, *end.names) if not _GENERIC.fullmatch(name)), "")
         self._arrows.append(Arrow(start.path, end.path, signal, start.port, end.port))
 
-    def _inside_group(self, path: Path) -> bool:
+    def _inside_group(self, path: Names) -> bool:
         return path[0] in self._group_of.values()
 
 
 def _group_of(diagram: Diagram, groups: Mapping[str, Collection[str]]) -> dict[str, str]:
     """Name of the group by name of the system.  Raises InputError for names that do not fit the diagram."""
     names = [name for name, _ in named_systems(diagram)]
-    found: dict[str, str] = {}
+    group_of: dict[str, str] = {}
     for group, members in groups.items():
         for name in members:
             if name not in names:
-                raise InputError(f"group '{group}' names system '{name}'; choose from {', '.join(names)}")
-            if name in found:
-                raise InputError(f"system '{name}' is in groups '{found[name]}' and '{group}'; one is valid")
-            found[name] = group
+                message = f"group '{group}' names system '{name}'; choose from {', '.join(names)}"
+                raise InputError(message, field="groups", value=name, valid=names)
+            if name in group_of:
+                message = f"system '{name}' is in groups '{group_of[name]}' and '{group}'; one is valid"
+                raise InputError(message, field="groups", value=name)
+            group_of[name] = group
     for group in groups:
-        if group in names and found.get(group) != group:
-            raise InputError(f"group '{group}' has the name of a system outside it; choose another name")
-    return found
+        if group in names and group_of.get(group) != group:
+            message = f"group '{group}' has the name of a system outside it; choose another name"
+            raise InputError(message, field="groups", value=group)
+    return group_of

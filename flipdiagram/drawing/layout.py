@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from flipdiagram.drawing.graph import Arrow, Graph, Path
+from flipdiagram.drawing.graph import Arrow, Graph, Names
 
 FEEDBACK = (
     "tool_kinematics",
@@ -24,8 +24,8 @@ FEEDBACK = (
 class Line:
     """All arrows from one box to another, drawn as one line."""
 
-    source: Path
-    target: Path
+    source: Names
+    target: Names
     signals: tuple[str, ...]
     arrows: tuple[Arrow, ...]
     backward: bool
@@ -41,7 +41,7 @@ class Line:
 
 def lines(graph: Graph, feedback: Collection[str] = FEEDBACK) -> tuple[Line, ...]:
     """The lines of a drawing, one for each pair of boxes that arrows join."""
-    joined: dict[tuple[Path, Path], list[Arrow]] = {}
+    joined: dict[tuple[Names, Names], list[Arrow]] = {}
     for arrow in graph.arrows:
         joined.setdefault((arrow.source, arrow.target), []).append(arrow)
     back = _backward(graph, list(joined), feedback)
@@ -53,24 +53,24 @@ def lines(graph: Graph, feedback: Collection[str] = FEEDBACK) -> tuple[Line, ...
     )
 
 
-def _signals(graph: Graph, pair: tuple[Path, Path], arrows: list[Arrow]) -> tuple[str, ...]:
+def _signals(graph: Graph, pair: tuple[Names, Names], arrows: list[Arrow]) -> tuple[str, ...]:
     """Names on a line, each once.  What leaves a sum has the name; a term of the same name goes without."""
     kind = {box.path: box.kind for box in graph.boxes}
     after = {a.signal for a in graph.arrows if a.source == pair[1]} if kind[pair[1]] == "sum" else set()
     return tuple(dict.fromkeys(a.signal for a in arrows if a.signal and a.signal not in after))
 
 
-def _backward(graph: Graph, pairs: list[tuple[Path, Path]], feedback: Collection[str]) -> set[tuple[Path, Path]]:
+def _backward(graph: Graph, pairs: list[tuple[Names, Names]], feedback: Collection[str]) -> set[tuple[Names, Names]]:
     """What closes a circle, found by following the arrows from the sources; and what feedback boxes take and give."""
-    after: dict[Path, list[Path]] = {box.path: [] for box in graph.boxes}
+    after: dict[Names, list[Names]] = {box.path: [] for box in graph.boxes}
     for source, target in pairs:
         after[source].append(target)
     entered = {target for source, target in pairs if source != target}
     sources = [box.path for box in graph.boxes if box.path not in entered]
-    back: set[tuple[Path, Path]] = set()
-    done: set[Path] = set()
+    back: set[tuple[Names, Names]] = set()
+    done: set[Names] = set()
     for start in (*sources, *after):
-        trail: dict[Path, int] = {start: 0} if start not in done else {}
+        trail: dict[Names, int] = {start: 0} if start not in done else {}
         while trail:
             box = next(reversed(trail))
             if trail[box] == len(after[box]):
@@ -92,15 +92,15 @@ def _backward(graph: Graph, pairs: list[tuple[Path, Path]], feedback: Collection
     return {(a, b) for a, b in back if not (a[-1] in feedback and (b, a) in back)}
 
 
-def _longest_path(graph: Graph, pairs: list[tuple[Path, Path]]) -> list[Path]:
+def _longest_path(graph: Graph, pairs: list[tuple[Names, Names]]) -> list[Names]:
     """The longest chain of forward lines; of equal ones that through the boxes added first."""
     rank = {box.path: i for i, box in enumerate(graph.boxes)}
-    before: dict[Path, list[Path]] = {path: [] for path in rank}
+    before: dict[Names, list[Names]] = {path: [] for path in rank}
     for source, target in pairs:
         before[target].append(source)
-    best: dict[Path, list[Path]] = {}
+    best: dict[Names, list[Names]] = {}
 
-    def longest(path: Path) -> list[Path]:
+    def longest(path: Names) -> list[Names]:
         if path not in best:
             chains = [longest(source) for source in sorted(before[path], key=rank.__getitem__)]
             best[path] = [*max(chains, key=len, default=[]), path]

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from flipdiagram.drawing.graph import Box, Graph, Path
+from flipdiagram.drawing.graph import Box, Graph, Names
 from flipdiagram.drawing.layout import Line
 from flipdiagram.drawing.style import Style
 
 
-def to_mermaid(graph: Graph, drawn: tuple[Line, ...], style: Style, title: str | None) -> str:
+def to_mermaid(graph: Graph, lines: tuple[Line, ...], style: Style, title: str | None) -> str:
     """The drawing as a Mermaid `flowchart LR`; boxes go by b0, b1, …, for names such as `end` are reserved."""
     ids = {box.path: f"b{i}" for i, box in enumerate(graph.boxes)}
     out = [] if title is None else ["---", f"title: {_yaml(title)}", "---"]
     out += ["flowchart LR", *_subgraph(graph, (), ids, style, "  ")]
-    for line in drawn:
+    for line in lines:
         label = f'|"{_text(", ".join(line.signals))}"|' if line.signals else ""
         out.append(f"  {ids[line.source]} -->{label} {ids[line.target]}")
     colours: dict[str, list[str]] = {}
@@ -23,7 +23,7 @@ def to_mermaid(graph: Graph, drawn: tuple[Line, ...], style: Style, title: str |
     return "\n".join(out) + "\n"
 
 
-def _subgraph(graph: Graph, path: Path, ids: dict[Path, str], style: Style, indent: str) -> list[str]:
+def _subgraph(graph: Graph, path: Names, ids: dict[Names, str], style: Style, indent: str) -> list[str]:
     out = [f"{indent}{_node(box, ids[box.path], style)}" for box in graph.boxes if box.path[:-1] == path]
     for i, inner in enumerate(graph.open_paths):
         if inner[:-1] == path:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 
-from flipdiagram.drawing.graph import Path, full_name
+from flipdiagram.drawing.graph import Names, full_name
 from flipdiagram.drawing.layout import Line
-from flipdiagram.drawing.routes import GAP, Point, Rectangle, Route, Routes, Wire, branches, place_name
+from flipdiagram.drawing.routes import GAP, Point, Rectangle, Route, Routes, Wire, around, branches, place_name
 from flipdiagram.drawing.typography import size_of
 
 ARROW = 7.0
@@ -28,10 +28,9 @@ class Placement:
 
 def place(laid_out: bytes, lines: tuple[Line, ...], sums: frozenset[str]) -> Placement:
     """Final places, from the JSON of Graphviz's `dot`, with feedback below the main path."""
-    picture = json.loads(laid_out)
-    objects = {thing["name"]: thing for thing in picture.get("objects", ())}
-    boxes = {name: _box(thing) for name, thing in objects.items() if "pos" in thing}
-    areas = {name: _area(thing["bb"]) for name, thing in objects.items() if "bb" in thing}
+    objects = {node["name"]: node for node in json.loads(laid_out).get("objects", ())}
+    boxes = {name: _box(node) for name, node in objects.items() if "pos" in node}
+    areas = {name: Rectangle(*map(float, node["bb"].split(","))) for name, node in objects.items() if "bb" in node}
     turned = _feedback_is_above(boxes, lines)
     if turned:  # textbooks have it below
         boxes = {name: _mirrored(box) for name, box in boxes.items()}
@@ -53,14 +52,9 @@ def place(laid_out: bytes, lines: tuple[Line, ...], sums: frozenset[str]) -> Pla
             x, y = names[-1].centre
             text += f', lp="{x:.2f},{y:.2f}"'
         edges.append(text)
-    corners = [*boxes.values(), *areas.values(), *names]
-    xs, ys = zip(*(point for route in routes for point in route), strict=True) if lines else ((0,), (0,))
-    frame = Rectangle(
-        min([*xs, *(c.left for c in corners)]),
-        min([*ys, *(c.bottom for c in corners)]),
-        max([*xs, *(c.right for c in corners)]),
-        max([*ys, *(c.top for c in corners)]),
-    )
+    corners = [*boxes.values(), *areas.values(), *names, *(around(p, p) for route in routes for p in route)]
+    lefts, bottoms, rights, tops = zip(*(c.sides for c in corners), strict=True) if corners else ((0.0,),) * 4
+    frame = Rectangle(min(lefts), min(bottoms), max(rights), max(tops))
     nodes = {name: 'pos="{:.2f},{:.2f}"'.format(*box.centre) for name, box in boxes.items()}
     clusters = {
         name: 'bb="{:.2f},{:.2f},{:.2f},{:.2f}"; lp="{:.2f},{:.2f}"'.format(*a.sides, *title_at[name])
@@ -96,21 +90,16 @@ def _below(boxes: dict[str, Rectangle], lines: tuple[Line, ...]) -> dict[str, Re
     return boxes if any(box.overlaps(other) for box, other in pairs) else placed
 
 
-def _sides(lines: tuple[Line, ...]) -> tuple[list[Path], list[Path]]:
+def _sides(lines: tuple[Line, ...]) -> tuple[list[Names], list[Names]]:
     """Boxes of the main path, and those that take or give feedback beside it."""
     main = {path: None for line in lines if line.main for path in (line.source, line.target)}
     back = {path: None for line in lines if line.backward for path in (line.source, line.target) if path not in main}
     return list(main), list(back)
 
 
-def _box(thing: dict) -> Rectangle:
-    x, y = map(float, thing["pos"].split(","))
-    width, height = 36.0 * float(thing["width"]), 36.0 * float(thing["height"])
-    return Rectangle(x - width, y - height, x + width, y + height)
-
-
-def _area(bb: str) -> Rectangle:
-    return Rectangle(*map(float, bb.split(",")))
+def _box(node: dict) -> Rectangle:
+    x, y = map(float, node["pos"].split(","))
+    return Rectangle(x, y, x, y).grown(36.0 * float(node["width"]), 36.0 * float(node["height"]))  # half of 72 pt/inch
 
 
 def _mirrored(area: Rectangle) -> Rectangle:

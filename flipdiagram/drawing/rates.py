@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from pydrake.systems.framework import Diagram, InputPort, OutputPort, PortDataType, System
 
-from flipdiagram.drawing.graph import Path, class_of, full_name
+from flipdiagram.drawing.graph import Names, class_of, full_name
 
 Wired = tuple[System, int]
 
@@ -112,7 +112,7 @@ def timing_of(system: System) -> Timing:
     return Timing(_KINDS.index("events" if stateful else "direct"), 0.0, 0.0)
 
 
-def rates_of(diagram: Diagram, systems: Iterable[tuple[Path, System]], unconnected: bool) -> RateTable:
+def rates_of(diagram: Diagram, systems: Iterable[tuple[Names, System]], unconnected: bool) -> RateTable:
     """The rows of some leaf systems of a diagram, with the ports that something is connected to or with all."""
     inputs, outputs = _wired(diagram)
     rows = []

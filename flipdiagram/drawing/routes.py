@@ -237,7 +237,7 @@ def place_name(
     """
     width, height = size
     areas = [box.grown(1.0) for box in boxes]
-    drawn = [around(*piece).grown(1.0) for other in routes for piece in pairwise(other)]
+    arrows = [around(*piece).grown(1.0) for other in routes for piece in pairwise(other)]
     beside = [other for other in routes if other != route and math.dist(other[0], route[0]) < LEVEL]
     shared = [around(*piece) for other in beside for piece in pairwise(other)]
     best: tuple[float, Rectangle] | None = None
@@ -251,7 +251,7 @@ def place_name(
                 area = Rectangle(*middle, *middle).grown(width / 2, height / 2)
                 cost = NAME_ON_NAME * sum(area.overlaps(other) for other in names)
                 cost += NAME_ON_BOX * sum(area.overlaps(other) for other in areas)
-                cost += NAME_ON_ARROW * sum(area.overlaps(other) for other in drawn)
+                cost += NAME_ON_ARROW * sum(area.overlaps(other) for other in arrows)
                 cost += OFF_THE_MIDDLE * abs(part - 0.5) + BELOW * (side < 0) + BESIDE_AN_UPRIGHT * (not level)
                 cost -= PER_LENGTH * min(length, LONG)
                 cost += PIECE_TOO_SHORT * (length < (width if level else height))

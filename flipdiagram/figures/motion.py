@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from flipdiagram.arrays import Array
-from flipdiagram.figures.style import GUIDE, LABELS, MARK, NAMES, STYLES, WITH_OBSERVER, new_axes, style_of
+from flipdiagram.figures.style import GUIDE, LABELS, MARK, NAMES, STYLES, WITH_OBSERVER, finish, new_axes, style_of
 from flipdiagram.scenario.scenario import ARCHITECTURES
 from flipdiagram.simulation import metrics
 
@@ -51,7 +50,7 @@ def plot_trajectories(recordings: Recordings, ax: Axes | None = None) -> Axes:
     ax.set(xlabel=LABELS["x"][0], ylabel=LABELS["x"][1])
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.08)
-    _finish([ax], own)
+    finish([ax], own)
     return ax
 
 
@@ -81,7 +80,7 @@ def plot_sliding_angle(recordings: Recordings, ax: Axes | None = None) -> Axes:
         ax.axhline(cone, **GUIDE, label="friction angle")
         ax.axhline(-cone, **GUIDE)
     ax.set(xlabel="time [s]", ylabel="sliding angle φ [deg]", ylim=(-100, 100), yticks=range(-90, 91, 30))
-    _finish([ax], own)
+    finish([ax], own)
     return ax
 
 
@@ -102,7 +101,7 @@ def plot_torques(recordings: Recordings, axes: Sequence[Axes] | None = None) -> 
     for ax in axes[max(0, len(joints) - 3) :]:
         ax.set_xlabel("time [s]")
         ax.tick_params(labelbottom=True)
-    _finish(axes, own)
+    finish(axes, own)
     return axes
 
 
@@ -122,7 +121,7 @@ def plot_plan(plan: Plan, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
             ax.set(ylabel=LABELS[quantity][column])
     for ax in axes[6:]:
         ax.set_xlabel("time [s]")
-    _finish(axes, own)
+    finish(axes, own)
     return axes
 
 
@@ -159,7 +158,7 @@ def _plot_responses(
         for recording in list(shown.values())[:1]:
             ax.axvline(recording.attrs["release_time_s"], **GUIDE, label="planned release")
     axes[-1].set_xlabel("time [s]")
-    _finish(axes, own)
+    finish(axes, own)
     return axes
 
 
@@ -182,18 +181,3 @@ def _line(ax: Axes, horizontal: ArrayLike, vertical: ArrayLike, name: str) -> No
 
 def _components(recording: xr.Dataset, name: str) -> list[Array]:
     return list(recording[name].values.T)
-
-
-def _finish(axes: Sequence[Axes], own: bool) -> None:
-    """Grid and legend; the legend stands above the panels where the figure is our own."""
-    for ax in axes:
-        ax.grid(color="0.9", linewidth=0.6)
-        ax.set_axisbelow(True)
-        ax.spines[["top", "right"]].set_visible(False)
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure = axes[0].figure
-    if handles and own and isinstance(figure, Figure):
-        columns = 3 if figure.get_figwidth() < 7 else 5
-        figure.legend(handles, labels, loc="outside upper center", ncols=columns, frameon=False)
-    elif handles:
-        axes[0].legend(fontsize="small", framealpha=0.9)

@@ -5,6 +5,7 @@ Figures are Figure objects without pyplot, so there is no display and no global 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -77,6 +78,26 @@ def new_axes(count: int, size: tuple[float, float], columns: int = 1, frame: boo
         if not frame:
             return [figure.add_axes((0, 0, 1, 1))]
         return list(np.ravel(figure.subplots(count // columns, columns, sharex=count > 1, squeeze=False)))
+
+
+def tidy(ax: Axes) -> None:
+    """A pale grid behind the lines, and no frame above and at the right."""
+    ax.grid(color="0.9", linewidth=0.6)
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)
+
+
+def finish(axes: Sequence[Axes], own: bool) -> None:
+    """Grid and legend; the legend stands above the panels where the figure is our own."""
+    for ax in axes:
+        tidy(ax)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure = axes[0].figure
+    if handles and own and isinstance(figure, Figure):
+        columns = 3 if figure.get_figwidth() < 7 else 5
+        figure.legend(handles, labels, loc="outside upper center", ncols=columns, frameon=False)
+    elif handles:
+        axes[0].legend(fontsize="small", framealpha=0.9)
 
 
 def save(figure: Figure, path: str | Path, dpi: int = 150) -> list[Path]:

@@ -10,21 +10,26 @@ left for each solve is to multiply the rows by that matrix, and DAQP, which star
 
 from __future__ import annotations
 
+import math
 import time
 from collections import OrderedDict
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from flipdiagram.arrays import Floats
-from flipdiagram.planning import active_set
+from flipdiagram.arrays import Floats, Indices
+from flipdiagram.planning import dense
+from flipdiagram.planning.dense import DenseProgram
 from flipdiagram.planning.horizon import INPUTS, STATES, STRIDE, Layout
+from flipdiagram.planning.jit import compiled
 from flipdiagram.planning.model import LandingCost, flight
-from flipdiagram.planning.native import condensing as kernels
-from flipdiagram.planning.native.condensing import AXES
 from flipdiagram.planning.program import FREE_TRUST, TRUST_LENGTH, TURNING_RADIUS, Solution
 from flipdiagram.planning.rows import Rows
 
+AXES = 3
+EQUALITIES = 1 + AXES
+"""Landing height, and the tool's last velocity."""
 CACHED = 32
 """Pairs of contact and flight samples whose matrix is kept, the last ones used; another takes a few tenths of a ms."""
 
@@ -34,12 +39,15 @@ class Horizon:
     """For one pair of contact and flight samples: w = d + map v, in whose coordinates v the Hessian is the identity.
 
     The landing residual of eq. (5) is weight · x̂(release) + residual; gradient (4, 3 n) = 2 weight · map(release).
+    angles, poses: where θ, and (y, z, θ), of the samples that move stand in w.
     """
 
     map: Floats
     weight: Floats
     residual: Floats
     gradient: Floats
+    angles: Indices
+    poses: Indices
 
 
 class CondensedProgram:
@@ -51,18 +59,20 @@ class CondensedProgram:
     """
 
     def __init__(self, layout: Layout, sampling_time: float, cost: LandingCost, smoothing: float) -> None:
-        active_set.load_daqp()
-        kernels.compiled()  # not in the middle of a motion
+        dense.load_daqp()
         self.layout, self.sampling_time, self.cost = layout, sampling_time, cost
-        self._released = STRIDE * layout.release
+        self._released = slice(STRIDE * layout.release, STRIDE * layout.release + STATES)
         self._basis = unit_smoothing_basis(layout, sampling_time, smoothing)
+        self._drift = drift_basis(layout, sampling_time)
+        self._lengths = np.tile([TRUST_LENGTH, TRUST_LENGTH, 1.0], layout.intervals)
         self._horizons: OrderedDict[tuple[int, int], Horizon] = OrderedDict()
-        self._drift, self._guess = np.zeros(layout.size), np.zeros(layout.size)
-        self._entries = Rows().entries()
-        self._landing: tuple[Floats, float] = (np.zeros(STATES), 0.0)
-        self._map = np.zeros((layout.size, 0))
+        self._current: tuple[Rows, Floats, tuple[Floats, float], Floats] | None = None
+        self.program: DenseProgram | None = None
+        """What the last update made of its numbers."""
         self._store = np.zeros(0)
-        self._problem: tuple[Floats, Floats, Floats, Floats, int, Floats] | None = None
+        # compiled now, not in the middle of a motion
+        none, places, matrix = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 0))
+        compiled(condense, sums=True)(places, places, none, matrix, 0, matrix, none)
 
     def update(
         self,
@@ -78,58 +88,47 @@ class CondensedProgram:
 
         All as in `HorizonProgram.update`; the waiting samples pass at the start's constant velocity.
         """
-        layout, loops, first = self.layout, kernels.compiled(), self.layout.release - n_contact
-        horizon = self._horizon(n_contact, n_flight)
-        start, near = np.ascontiguousarray(start, dtype=float), np.ascontiguousarray(near, dtype=float)
-        loops.drift_and_guess(start, near, first, self.sampling_time, self._drift, self._guess)
-        released = self._drift[self._released : self._released + STATES]
-        f = (horizon.weight @ released + horizon.residual) @ horizon.gradient
-
-        entries, moving = rows.entries(), layout.intervals - first
-        most, n = kernels.EQUALITIES + AXES * moving + rows.count, horizon.map.shape[1]
-        if self._store.size < most * n:  # kept: fresh memory costs as much as what is written into it
-            self._store = np.empty(2 * most * n)
-        A, low, high, slack = self._store[: most * n].reshape(most, n), np.empty(most), np.empty(most), np.empty(most)
-        length = trust * TRUST_LENGTH if trust < FREE_TRUST else np.inf
-        row = np.ascontiguousarray(landing[0], dtype=float)
-        count = loops.condense(
-            *entries,
-            horizon.map,
-            self._drift,
-            self._guess,
-            near,
-            np.array([length, length, trust]),
-            first,
-            self._released,
-            row,
-            float(landing[1]),
-            A,
-            low,
-            high,
-            slack,
-        )
-        self._problem = (f, A[:count], low[:count], high[:count], kernels.EQUALITIES, slack[:count])
-        self._entries, self._landing, self._map = entries, (row, float(landing[1])), horizon.map
+        horizon, drift = self._horizon(n_contact, n_flight), self._drift @ start
+        map_, released = horizon.map, self._released
+        f = (horizon.weight @ drift[released] + horizon.residual) @ horizon.gradient
+        # θ, and y and z once the trust has shrunk, at the samples that move; waiting ones follow from the start
+        free = trust >= FREE_TRUST
+        at, radius = (horizon.angles, trust) if free else (horizon.poses, trust * self._lengths[: horizon.poses.size])
+        m = EQUALITIES + at.size
+        total, n = m + rows.count, map_.shape[1]
+        if self._store.size < total * n:  # kept: fresh memory costs as much as what is written into it
+            self._store = np.empty(2 * total * n)
+        A = self._store[: total * n].reshape(total, n)
+        low, high, norm = np.full(total, -np.inf), np.empty(total), np.empty(total)
+        A[0], high[0] = landing[0] @ map_[released], landing[1] - landing[0] @ drift[released]
+        A[1:EQUALITIES], high[1:EQUALITIES] = map_[-AXES:], -drift[-AXES:]
+        low[:EQUALITIES] = high[:EQUALITIES]
+        centre = (near[-len(horizon.angles) :, 2] if free else near[-len(horizon.angles) :].ravel()) - drift[at]
+        A[EQUALITIES:m], low[EQUALITIES:m], high[EQUALITIES:m] = map_[at], centre - radius, centre + radius
+        high[m:] = rows.left(drift)
+        compiled(condense, sums=True)(rows.rows, rows.columns, rows.values, map_, m, A, norm)
+        slack = np.concatenate([np.zeros(EQUALITIES), np.full(at.size, radius) if free else radius, rows.slack])
+        self.program = DenseProgram(f, A, low, high, EQUALITIES, slack, norm)
+        self._current = rows, drift, landing, map_
 
     def solve(self) -> Solution:
         """Solve with the current numbers; the residual is that of rows, landing height and last velocity, in SI."""
-        if self._problem is None:
+        if self.program is None or self._current is None:
             raise ValueError("solve() needs the numbers of an update() first")
+        rows, drift, (row, bound), map_ = self._current
         begin = time.perf_counter()
-        found = active_set.minimise(*self._problem)
+        minimum = dense.minimise(self.program)
         elapsed = time.perf_counter() - begin
-        w = self._drift + self._map @ found.v
-        row, bound = self._landing
-        missed = abs(float(row @ w[self._released : self._released + STATES]) - bound)
-        missed = max(missed, *map(abs, w[-AXES:].tolist()))
+        w = drift + map_ @ minimum.v
+        missed = max(abs(float(row @ w[self._released]) - bound), *map(abs, w[-AXES:].tolist()))
         return Solution(
-            success=found.success,
+            success=minimum.success,
             w=w,
             slack={},
-            status=found.status,
+            status=minimum.status,
             solve_time=elapsed,
-            iterations=found.iterations,
-            residual=max(missed, float(kernels.compiled().excess(*self._entries[:3], self._entries[3].copy(), w))),
+            iterations=minimum.iterations,
+            residual=max(missed, rows.excess(w)),
         )
 
     def _horizon(self, n_contact: int, n_flight: int) -> Horizon:
@@ -139,11 +138,13 @@ class CondensedProgram:
             basis = self._basis[:, INPUTS * (self.layout.release - n_contact) :]
             matrix, offset = flight(n_flight * self.sampling_time)
             weight = self.cost.residual_matrix() @ matrix
-            landed = slice(self._released, self._released + STATES)
-            _, sigma, q = np.linalg.svd(np.sqrt(2.0) * weight @ basis[landed], full_matrices=False)
-            map_ = basis - (basis @ q.T * (1.0 - 1.0 / np.sqrt(1.0 + sigma**2))) @ q
+            _, sigma, q = np.linalg.svd(np.sqrt(2.0) * weight @ basis[self._released], full_matrices=False)
+            map_ = np.ascontiguousarray(basis - (basis @ q.T * (1.0 - 1.0 / np.sqrt(1.0 + sigma**2))) @ q)
             residual = self.cost.residual_matrix() @ (offset - self.cost.target())
-            self._horizons[key] = Horizon(np.ascontiguousarray(map_), weight, residual, 2.0 * weight @ map_[landed])
+            gradient = 2.0 * weight @ map_[self._released]
+            samples = np.arange(self.layout.release - n_contact + 1, self.layout.intervals + 1)
+            poses = STRIDE * samples[:, None] + np.arange(AXES)
+            self._horizons[key] = Horizon(map_, weight, residual, gradient, poses[:, 2], poses.ravel())
             if len(self._horizons) > CACHED:
                 self._horizons.popitem(last=False)
         self._horizons.move_to_end(key)
@@ -170,3 +171,30 @@ def unit_smoothing_basis(layout: Layout, sampling_time: float, smoothing: float)
         basis[layout.x(samples, AXES + axis), axis::AXES] = velocities / lever
         basis[layout.u(intervals, axis), axis::AXES] = accelerations / lever
     return basis
+
+
+def drift_basis(layout: Layout, sampling_time: float) -> Floats:
+    """(size, 6): the decision vector of a motion without any acceleration by its first state x̂."""
+    basis, k = np.zeros((layout.size, STATES)), np.arange(layout.intervals + 1)
+    for axis in range(AXES):
+        basis[layout.x(k, axis), axis] = basis[layout.x(k, AXES + axis), AXES + axis] = 1.0
+        basis[layout.x(k, axis), AXES + axis] = k * sampling_time
+    return basis
+
+
+def condense(rows: Any, columns: Any, values: Any, map_: Any, first: int, A: Any, norm: Any) -> None:
+    """Fill A (m, n) from row `first` on with Σ value · map[column], and the norm (m,) of every row."""
+    m, n = A.shape
+    for r in range(first, m):
+        for j in range(n):
+            A[r, j] = 0.0
+    for e in range(values.size):
+        value, r, column = values[e], first + rows[e], columns[e]
+        if value != 0.0:
+            for j in range(n):
+                A[r, j] += value * map_[column, j]
+    for r in range(m):
+        total = 0.0
+        for j in range(n):
+            total += A[r, j] * A[r, j]
+        norm[r] = math.sqrt(total)

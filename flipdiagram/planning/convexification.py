@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import time
+from collections import OrderedDict
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,12 +12,14 @@ import numpy as np
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import constraints, limits
+from flipdiagram.planning.arm_motion import arm_motion
 from flipdiagram.planning.constraints import Trajectory
-from flipdiagram.planning.engines import CONDENSED, Program, compiled_rows, make_program
+from flipdiagram.planning.engines import CONDENSED, Program, make_program
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.model import LandingCost, flight
+from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.program import Solution
-from flipdiagram.planning.rows import Rows
+from flipdiagram.planning.rows import Linearisation, Rows
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.theory import contact
@@ -38,6 +43,8 @@ LEAST_TRUST = 1e-3
 SWING = 0.4
 """A change of θ back against the last one, by more than this fraction of it, is a swing, and damped."""
 SLACK_TOLERANCE = 1e-4
+CACHED = 32
+"""Horizons of which is kept on what variables their constraints depend, the last ones used."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +78,8 @@ TURN = (0.8, 1.6, 2.4)
 class Convexification:
     """Solves single horizons of a scenario.  The program is built here, once; `settle` changes its numbers.
 
-    native: linearise by compiled loops, equal to rounding; None: where the solver is the condensed program's.
+    native: linearise by machine code, equal to rounding; None: where the solver is the condensed program's.  The first
+    plan of other solvers so needs no numba, whose import and first compilation would take longer than they save.
     """
 
     def __init__(self, scenario: Scenario, arm: ArmModel, native: bool | None = None) -> None:
@@ -84,11 +92,13 @@ class Convexification:
         self.shift, self._in_motion = 0.0, False
         self.program_times: list[float] = []
         self._program = self._build(())
-        # by default the first plan stays what Drake's own arithmetic makes of it, to the bit
-        native = settings.solver == CONDENSED if native is None else native
-        self._native = compiled_rows(scenario, arm, self.layout) if native else None
+        self._native = settings.solver == CONDENSED if native is None else native
+        self.motion = arm_motion(arm, task.start_x, self._native)
+        self._linearisations: OrderedDict[tuple[int, int, float], Linearisation] = OrderedDict()
         self._elastic: Program | None = None
         self._q_start: Floats | None = None
+        if self._native:  # whatever is to be compiled is compiled now, not in the middle of a motion
+            self._linearisation(self.layout.release, 1).at(np.zeros(self.layout.size))
 
     def _build(self, elastic_groups: tuple[str, ...]) -> Program:
         settings = self.scenario.planner
@@ -113,9 +123,7 @@ class Convexification:
         """
         self.start, self.shift, self._in_motion = state, shift, True
         tool = self._tool(state[None, :])[0]
-        pose = limits.task_pose(tool, self.scenario.task.start_x)
-        near = self._native.joint_angles(pose, q_seed) if self._native else None
-        self._q_start = self.arm.inverse_kinematics(pose, q_seed) if near is None else near
+        self._q_start = self.motion.joint_angles(limits.task_pose(tool, self.scenario.task.start_x), q_seed)
 
     def _tool(self, states: Floats) -> Floats:
         """States (..., 6) of the tool's control point under an object with these states; velocities as they are."""
@@ -158,35 +166,30 @@ class Convexification:
 
     def _follow(self, point: Trajectory) -> limits.JointMotion:
         moving = slice(self.layout.release - point.n_contact, None)
-        return limits.joint_motion(
-            self.arm, self._tool(point.states[moving]), point.inputs[moving], self.scenario.task.start_x, self.q_start
-        )
+        return self.motion.follow(self._tool(point.states[moving]), point.inputs[moving], self.q_start)
 
-    def rows(self, point: Trajectory, grouped: bool = True) -> tuple[Rows, limits.JointMotion]:
-        """All inequality rows, linearised about a trajectory, and the arm's motion along it.
+    def rows(self, point: Trajectory) -> tuple[Rows, limits.JointMotion]:
+        """All inequality rows, linearised about a trajectory, and the arm's motion along it."""
+        layout, first = self.layout, self.layout.release - point.n_contact
+        motion, w = self._follow(point), layout.pack(point.states, point.inputs)
+        moving = point.states[first:], point.inputs[first:]
+        joints = limits.joint_rows(layout, motion, moving, self.motion, self.allowed, first, self._in_motion)
+        return Rows.about(w, [self._linearisation(point.n_contact, point.n_flight).at(w), *joints]), motion
 
-        grouped: the rows know the constraint that they come from, which compiled loops do not tell.
-        """
-        if self._native and not grouped:
-            tool = self._tool(point.states)
-            return self._native.rows(point, tool, self.q_start, self.allowed, self.shift, self._in_motion)
-        rows, layout, scenario = Rows(), self.layout, self.scenario
-        constraints.contact_rows(rows, layout, point, scenario)
-        constraints.workspace_rows(rows, layout, point, scenario)
-        constraints.clearance_rows(rows, layout, point, scenario, self.shift)
-        constraints.separation_rows(rows, layout, point, scenario)
-        constraints.flight_rows(rows, layout, point, scenario)
-        motion = self._follow(point)
-        first = layout.release - point.n_contact
-        states, inputs = point.states[first:], point.inputs[first:]
-        limits.joint_rows(
-            rows, layout, motion, states, inputs, self.arm, self.allowed, first, given_start=self._in_motion
-        )
-        return rows, motion
+    def _linearisation(self, n_contact: int, n_flight: int) -> Linearisation:
+        """That of the constraints other than joint limits."""
+        key = (n_contact, n_flight, self.shift)
+        if key not in self._linearisations:
+            horizon = constraints.of_horizon(self.layout, self.scenario, n_contact, n_flight, self.shift)
+            self._linearisations[key] = Linearisation(horizon, self._native)
+            if len(self._linearisations) > CACHED:
+                self._linearisations.popitem(last=False)
+        self._linearisations.move_to_end(key)
+        return self._linearisations[key]
 
     def solve(self, point: Trajectory, trust: float, elastic: bool = False) -> tuple[Solution, limits.JointMotion]:
         """One quadratic program, linearised about a trajectory."""
-        rows, motion = self.rows(point, grouped=elastic)
+        rows, motion = self.rows(point)
         if elastic and self._elastic is None:
             self._elastic = self._build(GROUPS)
         program = self._elastic if elastic and self._elastic is not None else self._program
@@ -250,6 +253,34 @@ class Convexification:
         if outcome is None:
             raise PlanningError(f"no motion found within {iterations} linearisations")
         return outcome
+
+    def moving(self, outcome: Outcome) -> tuple[Floats, Floats]:
+        """States and inputs of an outcome without the waiting samples."""
+        first = self.layout.release - outcome.point.n_contact
+        return outcome.point.states[first:], outcome.point.inputs[first:]
+
+    def plan_of(self, outcome: Outcome, uses: Mapping[str, Floats], begin: float) -> Plan:
+        """The plan of an outcome; uses: of the joint limits; begin: of planning, by time.perf_counter() [s]."""
+        point, (states, inputs) = outcome.point, self.moving(outcome)
+        k = np.arange(point.n_contact)
+        phi = [contact.sliding_angle(inputs[k, :2], states[at, 2]) for at in (k, k + 1)]
+        return Plan(
+            sampling_time=point.sampling_time,
+            n_contact=point.n_contact,
+            n_flight=point.n_flight,
+            n_brake=self.layout.n_brake,
+            states=states,
+            inputs=inputs,
+            cost=outcome.cost,
+            residual=outcome.solution.residual,
+            max_sliding_angle=float(np.max(np.abs(phi))),
+            friction_angle=float(contact.friction_angle(self.scenario.object.friction)),
+            limit_use={kind: float(use.max()) for kind, use in uses.items()},
+            solver=self.scenario.planner.solver,
+            iterations=len(self.program_times),
+            solve_time=time.perf_counter() - begin,
+            program_times=tuple(self.program_times),
+        )
 
     def _landing_cost(self, point: Trajectory) -> float:
         matrix, offset = flight(point.n_flight * point.sampling_time)

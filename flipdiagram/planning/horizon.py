@@ -48,6 +48,14 @@ class Layout:
         """Magnitude of each decision variable, shape (size,): the program works on variables divided by it."""
         return np.append(np.tile(UNITS, self.intervals), UNITS[:STATES])
 
+    def pack(self, states: Floats, inputs: Floats) -> Floats:
+        """The decision vector of states (N + 1, 6) and inputs (N, 3), in SI."""
+        w = np.empty(self.size)
+        body = w[: STRIDE * self.intervals].reshape(self.intervals, STRIDE)
+        body[:, :STATES], body[:, STATES:] = states[:-1], inputs
+        w[STRIDE * self.intervals :] = states[-1]
+        return w
+
     def unpack(self, w: Floats) -> tuple[Floats, Floats]:
         """States (N + 1, 6) and inputs (N, 3) from a decision vector in SI."""
         body = w[: STRIDE * self.intervals].reshape(self.intervals, STRIDE)

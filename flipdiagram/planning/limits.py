@@ -7,16 +7,20 @@ Only joints that come near a limit enter the program; the last three derivatives
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flipdiagram.arrays import Floats, Indices
-from flipdiagram.planning.horizon import Layout
-from flipdiagram.planning.rows import Rows
+from flipdiagram.planning.horizon import STATES, STRIDE, Layout
+from flipdiagram.planning.rows import Part, part
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.scenario.scenario import Scenario
+
+if TYPE_CHECKING:
+    from flipdiagram.planning.arm_motion import ArmMotion
 
 POSITION = "joint position limit"
 SPEED = "joint speed limit"
@@ -26,6 +30,8 @@ NEAR = 0.5
 """Fraction of a limit above which a joint's rows enter the program."""
 STEP = 1e-6
 """Step of the differences [m, rad; per second]."""
+COLUMNS = np.arange(STRIDE)[:, None]
+"""Of x̂ and u of a sample, after its first."""
 
 
 @dataclass(frozen=True)
@@ -84,121 +90,73 @@ def task_pose(states: Floats, x: float) -> Floats:
     return pose
 
 
-def joint_motion(arm: ArmModel, states: Floats, inputs: Floats, x: float, q_start: Floats) -> JointMotion:
-    """Follow planned states (N + 1, 6) and inputs (N, 3) with the arm; raises PlanningError where it cannot reach."""
-    count, n = len(states), arm.n_joints
-    q = arm.inverse_kinematics_path(task_pose(states, x), q_start, check_limits=False)
-    from_task, torque_from_task = np.empty((count, n, 3)), np.empty((count, n, 3))
-    qd, rest = np.empty((count, n)), np.empty((count, n))
-    for k in range(count):
-        inverse = _inverse(arm.task_jacobian(q[k])[1])
-        from_task[k] = inverse[:, :3]
-        qd[k] = from_task[k] @ states[k, 3:]
-        bias = arm.task_kinematics(q[k], qd[k])[3]
-        torque_from_task[k] = arm.mass_matrix(q[k]) @ from_task[k]
-        rest[k] = arm.inverse_dynamics(q[k], qd[k], -inverse @ bias)
-    torque = np.stack(
-        [np.einsum("kij,kj->ki", torque_from_task[at], inputs) + rest[at] for at in (slice(0, -1), slice(1, None))]
-    )
-    return JointMotion(q, qd, torque, from_task, torque_from_task)
-
-
-def _inverse(jacobian: Floats) -> Floats:
-    square = jacobian.shape[0] == jacobian.shape[1]
-    return np.asarray(np.linalg.inv(jacobian) if square else np.linalg.pinv(jacobian), dtype=np.float64)
-
-
-def _speed(arm: ArmModel, q: Floats, v: Floats) -> Floats:
-    """q̇ (n,) of an arm at q whose tool moves with v (3,)."""
-    return _inverse(arm.task_jacobian(q)[1])[:, :3] @ v
-
-
-def _torque(arm: ArmModel, q: Floats, v: Floats, a: Floats) -> Floats:
-    """τ (n,) of an arm at q whose tool moves with v (3,) and a (3,)."""
-    inverse = _inverse(arm.task_jacobian(q)[1])
-    qd = inverse[:, :3] @ v
-    bias = arm.task_kinematics(q, qd)[3]
-    return arm.inverse_dynamics(q, qd, inverse[:, :3] @ a - inverse @ bias)
-
-
-def _speed_by_pose(arm: ArmModel, q: Floats, v: Floats, from_task: Floats) -> Floats:
-    """∂q̇/∂(y, z, θ) at constant v, shape (n, 3)."""
-    here = _speed(arm, q, v)
-    return np.column_stack([_speed(arm, q + STEP * way, v) - here for way in from_task.T]) / STEP
-
-
-def _torque_by_state(arm: ArmModel, q: Floats, v: Floats, a: Floats, from_task: Floats) -> Floats:
-    """∂τ/∂x̂ at constant a, shape (n, 6)."""
-    here = _torque(arm, q, v, a)
-    by_pose = [_torque(arm, q + STEP * way, v, a) - here for way in from_task.T]
-    by_velocity = [_torque(arm, q, v + STEP * way, a) - here for way in np.eye(3)]
-    return np.column_stack(by_pose + by_velocity) / STEP
-
-
-def _picked(k: Indices, j: Indices, columns: int, derivative: Callable[[int], Floats]) -> Floats:
-    """Row j of the matrix (n, columns) at k for each pair k, j; each matrix is computed once."""
-    matrices = {i: derivative(i) for i in np.unique(k).tolist()}
-    rows = [matrices[i][row] for i, row in zip(k.tolist(), j.tolist(), strict=True)]
-    return np.array(rows).reshape(k.size, columns)
-
-
 def joint_rows(
-    rows: Rows,
     layout: Layout,
     motion: JointMotion,
-    states: Floats,
-    inputs: Floats,
-    arm: ArmModel,
+    point: tuple[Floats, Floats],
+    arm: ArmMotion,
     allowed: Allowed,
     first: int = 0,
     given_start: bool = False,
-) -> None:
-    """Rows that keep each joint's position, speed and torque inside what is allowed.
+) -> list[Part]:
+    """Constraints that keep position, speed and torque of each joint inside what is allowed, near a motion of the arm.
 
-    The motion starts at sample `first` of the layout; given_start: in motion, with position and speed that no row could
-    change.  Rows are divided by what is allowed, so a slack reads as the fraction by which it is exceeded.
+    Margins are fractions of what is allowed, so a slack reads as the fraction by which it is exceeded.
+
+    Args:
+        layout: of the decision vector.
+        motion: the arm's along `point`.
+        point: states and inputs of the tool from sample `first` of the layout on.
+        arm: what moves so.
+        allowed: positions, speeds and torques.
+        first: where the motion starts.
+        given_start: in motion, with position and speed that no row could change.
     """
-    middle, half, speed = allowed.middle, allowed.half, allowed.speed
-    decided = np.arange(len(motion.q))[:, None] >= int(given_start)
-    k, j = np.nonzero((np.abs(motion.q - middle) > NEAR * half) & decided)
-    p = motion.from_task[k, j] / half[j, None]
-    here = (motion.q[k, j] - middle[j]) / half[j] - np.sum(p * states[k, :3], axis=-1)
-    for sign in (1.0, -1.0):
-        rows.add(POSITION, [(layout.x(first + k, c), sign * p[:, c]) for c in range(3)], 1 - sign * here)
+    near_position = np.abs(motion.q - allowed.middle) > NEAR * allowed.half
+    near_speed = np.abs(motion.qd) > NEAR * allowed.speed
+    if given_start:
+        near_position[0] = near_speed[0] = False
+    k, j = np.nonzero(near_position)
+    use = (motion.q[k, j] - allowed.middle[j]) / allowed.half[j]
+    slope, columns = motion.from_task[k, j].T / allowed.half[j], STRIDE * (first + k) + COLUMNS[:3]
+    parts = [part(POSITION, columns, -sign * slope, 1 - sign * use) for sign in (1.0, -1.0)]
 
-    k, j = np.nonzero((np.abs(motion.qd) > NEAR * speed) & decided)
-    scale = np.sign(motion.qd[k, j]) / speed[j]
-    by_pose = _picked(k, j, 3, lambda i: _speed_by_pose(arm, motion.q[i], states[i, 3:], motion.from_task[i]))
-    g = np.hstack([by_pose, motion.from_task[k, j]]) * scale[:, None]
-    here = motion.qd[k, j] * scale - np.sum(g * states[k], axis=-1)
-    rows.add(SPEED, [(layout.x(first + k, c), g[:, c]) for c in range(6)], 1 - here)
+    k, j = np.nonzero(near_speed)
+    if k.size:
+        scale = np.sign(motion.qd[k, j]) / allowed.speed[j]
+        by_state = np.vstack([_speed_by_pose(motion, point[0], arm, k, j), motion.from_task[k, j].T])
+        columns = STRIDE * (first + k) + COLUMNS[:STATES]
+        parts.append(part(SPEED, columns, -scale * by_state, 1 - scale * motion.qd[k, j]))
 
     for end in (0, 1):
-        _torque_rows(rows, layout, motion, states, inputs, arm, allowed.torque, first, end)
+        k, j = np.nonzero(np.abs(motion.torque[end]) > NEAR * allowed.torque)
+        if k.size:
+            scale = np.sign(motion.torque[end, k, j]) / allowed.torque[j]
+            slope = np.vstack([_torque_by_state(motion, point, arm, k, j, end), motion.torque_from_task[k + end, j].T])
+            columns = STRIDE * (first + k) + COLUMNS
+            columns[:STATES] += STRIDE * end
+            parts.append(part(TORQUE, columns, -scale * slope, 1 - scale * motion.torque[end, k, j]))
+    return parts
 
 
-def _torque_rows(
-    rows: Rows,
-    layout: Layout,
-    motion: JointMotion,
-    states: Floats,
-    inputs: Floats,
-    arm: ArmModel,
-    limit: Floats,
-    first: int,
-    end: int,
-) -> None:
-    """Torque at the start (end = 0) or end (1) of every interval."""
-    k, j = np.nonzero(np.abs(motion.torque[end]) > NEAR * limit)
-    scale = np.sign(motion.torque[end, k, j]) / limit[j]
-    q, v, from_task = motion.q[end:], states[end:, 3:], motion.from_task[end:]
-    g = _picked(k, j, 6, lambda i: _torque_by_state(arm, q[i], v[i], inputs[i], from_task[i])) * scale[:, None]
-    p = motion.torque_from_task[k + end, j] * scale[:, None]
-    here = motion.torque[end, k, j] * scale
-    here = here - np.sum(g * states[k + end], axis=-1) - np.sum(p * inputs[k], axis=-1)
-    terms = [(layout.x(first + k + end, c), g[:, c]) for c in range(6)]
-    terms += [(layout.u(first + k, c), p[:, c]) for c in range(3)]
-    rows.add(TORQUE, terms, 1 - here)
+def _speed_by_pose(motion: JointMotion, states: Floats, arm: ArmMotion, k: Indices, j: Indices) -> Floats:
+    """∂q̇_j/∂(y, z, θ) at samples k and constant v, shape (3, k.size), by differences; k ascends."""
+    near, n = np.unique(k), motion.q.shape[1]
+    q = motion.q[near, None] + STEP * motion.from_task[near].transpose(0, 2, 1)
+    moved = arm.speeds(q.reshape(-1, n), np.repeat(states[near, 3:], 3, axis=0)).reshape(-1, 3, n)
+    return ((moved - motion.qd[near, None]) / STEP)[np.searchsorted(near, k), :, j].T
+
+
+def _torque_by_state(
+    motion: JointMotion, point: tuple[Floats, Floats], arm: ArmMotion, k: Indices, j: Indices, end: int
+) -> Floats:
+    """∂τ_j/∂x̂ at constant a, at start (end = 0) or end (1) of intervals k, shape (6, k.size), by differences."""
+    near, n = np.unique(k), motion.q.shape[1]
+    q, v = np.repeat(motion.q[near + end], 6, axis=0), np.repeat(point[0][near + end, 3:], 6, axis=0)
+    q.reshape(-1, 6, n)[:, :3] += STEP * motion.from_task[near + end].transpose(0, 2, 1)
+    v.reshape(-1, 6, 3)[:, [3, 4, 5], [0, 1, 2]] += STEP
+    moved = arm.torques(q, v, np.repeat(point[1][near], 6, axis=0)).reshape(-1, 6, n)
+    return ((moved - motion.torque[end, near, None]) / STEP)[np.searchsorted(near, k), :, j].T
 
 
 def limit_use(motion: JointMotion, arm: ArmModel) -> dict[str, Floats]:

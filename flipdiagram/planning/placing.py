@@ -15,10 +15,11 @@ import numpy as np
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import constraints, limits
-from flipdiagram.planning.constraints import Geometry, Trajectory
+from flipdiagram.planning.arm_motion import ArmMotion
+from flipdiagram.planning.constraints import Geometry
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.plan import Plan
-from flipdiagram.planning.rows import Rows
+from flipdiagram.planning.rows import Constraint
 from flipdiagram.planning.segment import SegmentProgram
 from flipdiagram.planning.slide import Slide, tilt_for
 from flipdiagram.robot.arm import ArmModel
@@ -83,11 +84,13 @@ class Placer:
         tangent = np.array([np.cos(beyond), np.sin(beyond)])
         away = tilted + settings.retreat * np.array([*tangent, 0.0])
         wait = slide.duration + settings.wait
+        carry = SegmentProgram(carry_samples, dt)
+        tilt, retreat = (SegmentProgram(_samples(t, dt), dt) for t in (settings.tilt_time, settings.retreat_time))
         pieces = [
-            SegmentProgram(carry_samples, dt).plan(start, above, self._stick_rows),
-            SegmentProgram(_samples(settings.tilt_time, dt), dt).plan(above, tilted, self._free_rows),
+            carry.plan(start, above, self._sticking(carry.layout)),
+            tilt.plan(above, tilted, self._free(tilt.layout)),
             _rest(tilted, _samples(wait, dt)),
-            SegmentProgram(_samples(settings.retreat_time, dt), dt).plan(tilted, away, self._free_rows),
+            retreat.plan(tilted, away, self._free(retreat.layout)),
         ]
         states = np.vstack([pieces[0][0], *(piece[0][1:] for piece in pieces[1:])])
         inputs = np.vstack([piece[1] for piece in pieces])
@@ -111,21 +114,17 @@ class Placer:
         middle_y = edge_y + (way + g.half_length) * s[0]
         return np.array([middle_y, middle_z, 0.0]) + np.array([*(g.half_thickness * n), tilt])
 
-    def _stick_rows(self, rows: Rows, layout: Layout, point: Trajectory) -> None:
-        constraints.stick_rows(rows, layout, point, self.scenario, np.arange(layout.intervals))
-        self._free_rows(rows, layout, point)
+    def _sticking(self, layout: Layout) -> list[Constraint]:
+        return constraints.contact(layout, self.scenario, np.arange(layout.intervals)) + self._free(layout)
 
-    def _free_rows(self, rows: Rows, layout: Layout, point: Trajectory) -> None:
+    def _free(self, layout: Layout) -> list[Constraint]:
         """The workspace, and every corner of the blade above the table."""
-        constraints.workspace_rows(rows, layout, point, self.scenario)
         g, floor = self.geometry, self.scenario.table.height + self.settings.edge_clearance / 2
-        k = np.arange(1, layout.intervals)
-        theta = point.states[k, 2]
-        for s in (g.half_blade, -g.half_blade):
-            n = -g.half_thickness - g.blade_thickness
-            height, slope = s * np.sin(theta) + n * np.cos(theta), s * np.cos(theta) - n * np.sin(theta)
-            upper = height - slope * theta - floor
-            rows.add(constraints.CLEARANCE, [(layout.x(k, 1), -1.0), (layout.x(k, 2), -slope)], upper)
+        lower = [(s, n) for s, n in g.blade if n < -g.half_thickness]
+        return [
+            *constraints.workspace(layout, self.scenario, np.arange(1, layout.intervals + 1)),
+            *constraints.clearance(layout, lower, floor, np.arange(1, layout.intervals)),
+        ]
 
     def _passes(self, states: Floats, angle: float, first: int) -> float:
         theta = states[first:, 2]
@@ -137,7 +136,7 @@ class Placer:
         arm, scenario = self.arm, self.scenario
         pose = limits.task_pose(states[0], scenario.task.start_x)
         q_start = arm.inverse_kinematics(pose, through=[limits.task_pose(states[-1], scenario.task.start_x)])
-        motion = limits.joint_motion(arm, states, inputs, scenario.task.start_x, q_start)
+        motion = ArmMotion(arm, scenario.task.start_x).follow(states, inputs, q_start)
         use = {kind: float(values.max()) for kind, values in limits.limit_use(motion, arm).items()}
         for kind, value in use.items():
             if value > 1:

@@ -11,7 +11,6 @@ from flipdiagram.arrays import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import constraints, limits
 from flipdiagram.planning.convexification import Convexification, Outcome
-from flipdiagram.planning.finish import moving, plan_of
 from flipdiagram.planning.plan import Plan
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.parts import arm_of
@@ -56,7 +55,7 @@ class Planner:
             uses = self._limit_use(best)
             kind = max(uses, key=lambda kind: float(uses[kind].max()))
             if uses[kind].max() <= 1:
-                return plan_of(best, self.horizons, {kind: float(use.max()) for kind, use in uses.items()}, begin)
+                return self.horizons.plan_of(best, uses, begin)
             self.horizons.allowed = self.horizons.allowed.tightened(uses)
         use, joint = uses[kind].max(), self.arm.joint_names[uses[kind].argmax()]
         raise PlanningError(f"{kind} cannot be met: joint {joint} would need {use:.2f} x its limit between samples")
@@ -139,14 +138,14 @@ class Planner:
 
     def _limit_use(self, outcome: Outcome) -> dict[str, Floats]:
         """`limits.limit_use` of the motion on a grid finer than ΔT."""
-        states, inputs = moving(outcome, self.horizons)
+        states, inputs = self.horizons.moving(outcome)
         tau = np.arange(CHECKS_PER_SAMPLE)[:, None] * (outcome.point.sampling_time / CHECKS_PER_SAMPLE)
         moves = states[:-1, None, :].repeat(CHECKS_PER_SAMPLE, axis=1)
         held = inputs[:, None, :].repeat(CHECKS_PER_SAMPLE, axis=1)
         moves[..., :3] += moves[..., 3:] * tau + held * tau**2 / 2
         moves[..., 3:] += held * tau
         dense = np.vstack([moves.reshape(-1, 6), states[-1]])
-        motion = limits.joint_motion(self.arm, dense, held.reshape(-1, 3), self.scenario.task.start_x, self.q_start)
+        motion = self.horizons.motion.follow(dense, held.reshape(-1, 3), self.q_start)
         return limits.limit_use(motion, self.arm)
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -28,7 +29,7 @@ from pydrake.solvers import (
 
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import InputError
-from flipdiagram.planning.horizon import STATES, Layout
+from flipdiagram.planning.horizon import STATES, STRIDE, Layout
 from flipdiagram.planning.model import LandingCost, flight, transition
 from flipdiagram.planning.rows import Rows
 
@@ -61,6 +62,27 @@ def make_solver(name: str) -> SolverInterface:
             f" valid is {', '.join(usable)}"
         )
     return solver
+
+
+def dynamics(layout: Layout, sampling_time: float) -> sp.csc_matrix:
+    """Eq. (2) of all intervals as rows (6 N, size) that are zero, on variables and of states divided by their units."""
+    n, units = layout.intervals, layout.units()
+    a, b = transition(sampling_time)
+    here = sp.kron(sp.eye(n, n + 1), sp.hstack([sp.csr_matrix(-a), sp.csr_matrix(-b)]))
+    following = sp.kron(sp.eye(n, n + 1, k=1), sp.eye(STATES, STRIDE))
+    rows = (here + following).tocsr()[:, : layout.size]
+    return sp.csc_matrix(sp.diags(1 / np.tile(units[:STATES], n)) @ (rows @ sp.diags(units)))
+
+
+def add_smoothing(prog: Any, layout: Layout, z: Any, weight: float, least: float = 0.0) -> None:
+    """A weight on Σ |Δu|² ≈ ΔT ∫ jerk² dt, the rests before and after counted as no acceleration; `least` on ½ |u|²."""
+    n = layout.intervals
+    difference = np.eye(n + 1, n) - np.eye(n + 1, n, k=-1)
+    gram = difference.T @ difference * (2 * weight)
+    for component, lever in enumerate((1.0, 1.0, TURNING_RADIUS)):
+        columns = layout.u(np.arange(n), component)
+        scale = lever * layout.units()[columns[0]]
+        prog.AddQuadraticCost(gram * scale**2 + least * np.eye(n), np.zeros(n), 0.0, z[columns], is_convex=True)
 
 
 @dataclass(frozen=True)
@@ -96,8 +118,10 @@ class HorizonProgram:
         self._z = prog.NewContinuousVariables(layout.size, "w")
         self._slack = prog.NewContinuousVariables(len(self._groups), "slack")
         variables = np.concatenate([self._z, self._slack])
-        self._add_dynamics()
-        self._add_smoothing(smoothing)
+        # rows in the units of the state they advance
+        self._dynamics = dynamics(layout, sampling_time)
+        prog.AddLinearEqualityConstraint(self._dynamics, np.zeros(self._dynamics.shape[0]), self._z)
+        add_smoothing(prog, layout, self._z, smoothing / sampling_time)
         size = variables.size
         self._bounds = prog.AddBoundingBoxConstraint(np.full(layout.size, -1e9), np.full(layout.size, 1e9), self._z)
         if self._groups:
@@ -108,33 +132,7 @@ class HorizonProgram:
         self._released_units = self._units[layout.x(layout.release, 0) : layout.x(layout.release, 0) + STATES]
         self._landing_cost = prog.AddQuadraticCost(np.eye(STATES), np.zeros(STATES), 0.0, released, is_convex=True)
         self._landing = prog.AddLinearEqualityConstraint(np.ones((1, STATES)), np.zeros(1), released)
-        self._matrix, self._upper = sp.csc_matrix((1, layout.size)), np.ones(1)
-
-    def _add_dynamics(self) -> None:
-        layout = self.layout
-        a, b = transition(self.sampling_time)
-        step = sp.hstack([sp.csr_matrix(-a), sp.csr_matrix(-b)])
-        blocks = sp.kron(sp.eye(layout.intervals), step)
-        matrix = sp.lil_matrix((STATES * layout.intervals, layout.size))
-        matrix[:, : blocks.shape[1]] = blocks
-        for k in range(layout.intervals):
-            matrix[STATES * k : STATES * (k + 1), layout.x(k + 1, 0) : layout.x(k + 1, 0) + STATES] = np.eye(STATES)
-        scaled = matrix.tocsr() @ sp.diags(self._units)
-        # rows in the units of the state they advance
-        scaled = sp.diags(1 / np.tile(self._units[:STATES], layout.intervals)) @ scaled
-        self._dynamics = sp.csc_matrix(scaled)
-        self.prog.AddLinearEqualityConstraint(self._dynamics, np.zeros(STATES * layout.intervals), self._z)
-
-    def _add_smoothing(self, weight: float) -> None:
-        """Weight on ∫ jerk² dt ≈ Σ |Δu|²/ΔT [s⁵/m²], the rests before and after counted as zero acceleration."""
-        layout, dt = self.layout, self.sampling_time
-        n = layout.intervals
-        difference = np.eye(n + 1, n) - np.eye(n + 1, n, k=-1)
-        gram = difference.T @ difference * (2 * weight / dt)
-        for component, lever in enumerate((1.0, 1.0, TURNING_RADIUS)):
-            columns = layout.u(np.arange(n), component)
-            scale = lever * self._units[columns[0]]
-            self.prog.AddQuadraticCost(gram * scale**2, np.zeros(n), 0.0, self._z[columns], is_convex=True)
+        self._current: Rows | None = None
 
     def update(
         self,
@@ -181,19 +179,21 @@ class HorizonProgram:
         row, bound = landing
         self._landing.evaluator().UpdateCoefficients((row * self._released_units)[None, :], [bound])
 
-        self._matrix, self._upper = rows.matrix(layout.size)
-        scaled = self._matrix @ sp.diags(self._units)
+        self._current, matrix = rows, rows.matrix(layout.size)
+        scaled = matrix @ sp.diags(self._units)
         if self._groups:
             group_of = {name: i for i, name in enumerate(self._groups)}
-            column = np.array([group_of[name] for name in rows.groups()])
+            column = np.array([group_of[name] for name in rows.names()])
             slack = sp.csc_matrix(
                 (-np.ones(rows.count), (np.arange(rows.count), column)), (rows.count, len(self._groups))
             )
             scaled = sp.hstack([scaled, slack])
-        self._rows.evaluator().UpdateCoefficients(sp.csc_matrix(scaled), np.full(rows.count, -np.inf), self._upper)
+        self._rows.evaluator().UpdateCoefficients(sp.csc_matrix(scaled), np.full(rows.count, -np.inf), rows.upper)
 
     def solve(self) -> Solution:
         """Solve with the current numbers."""
+        if self._current is None:
+            raise ValueError("solve() needs the numbers of an update() first")
         begin = time.perf_counter()
         result = self._solver.Solve(self.prog, None, None)
         elapsed = time.perf_counter() - begin
@@ -201,8 +201,7 @@ class HorizonProgram:
         w = self._units * z
         slack = dict(zip(self._groups, np.maximum(result.GetSolution(self._slack), 0.0).tolist(), strict=True))
         details = result.get_solver_details()
-        excess = self._matrix @ w - self._upper
-        residual = max(float(np.max(excess, initial=0.0)), float(np.max(np.abs(self._dynamics @ z), initial=0.0)))
+        residual = max(self._current.excess(w), float(np.max(np.abs(self._dynamics @ z), initial=0.0)))
         return Solution(
             success=bool(result.is_success()),
             w=w,

@@ -12,7 +12,6 @@ from flipdiagram.errors import PlanningError
 from flipdiagram.planning import limits
 from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.convexification import Convexification, Outcome
-from flipdiagram.planning.finish import plan_of
 from flipdiagram.planning.plan import Plan
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.scenario.scenario import Scenario
@@ -50,7 +49,7 @@ class Replanner:
         horizons = self.horizons
         horizons.program_times.clear()
         horizons.restart(np.asarray(state, dtype=float), q, shift)
-        found: list[Outcome] = []
+        outcomes: list[Outcome] = []
         reason: PlanningError | None = None
         passed = round((begun + elapsed) / plan.sampling_time)
         for samples, flight in self._candidates(n_contact, plan.n_flight, passed):
@@ -59,13 +58,12 @@ class Replanner:
             except PlanningError as error:
                 reason = reason or error
                 continue
-            found.append(outcome)
-        if not found:
+            outcomes.append(outcome)
+        if not outcomes:
             assert reason is not None, "the old plan's own samples are always among the candidates"
             raise reason
-        best = self._best(found)
-        uses = limits.limit_use(best.motion, self.arm)
-        return plan_of(best, horizons, {kind: float(use.max()) for kind, use in uses.items()}, begin)
+        best = self._best(outcomes)
+        return horizons.plan_of(best, limits.limit_use(best.motion, self.arm), begin)
 
     def _candidates(self, n_contact: int, n_flight: int, passed: int) -> list[tuple[int, int]]:
         """Contact and flight samples to try: those of the old plan first, then as far from them as is allowed.
@@ -91,10 +89,10 @@ class Replanner:
             raise PlanningError("the linearisation has not settled")
         return outcome
 
-    def _best(self, found: list[Outcome]) -> Outcome:
+    def _best(self, outcomes: list[Outcome]) -> Outcome:
         """The first, unless another one's J is smaller by more than planner.search_tolerance."""
-        best = min(found, key=lambda outcome: outcome.cost)
-        return found[0] if found[0].cost <= (1 + self.scenario.planner.search_tolerance) * best.cost else best
+        best = min(outcomes, key=lambda outcome: outcome.cost)
+        return outcomes[0] if outcomes[0].cost <= (1 + self.scenario.planner.search_tolerance) * best.cost else best
 
     def _guess(self, state: Floats, plan: Plan, elapsed: float, n_contact: int, n_flight: int) -> Trajectory:
         """The old plan from `elapsed` on, on the samples of the new horizon, moved to begin at the state."""

@@ -1,88 +1,137 @@
-"""Linear inequality rows A w ≤ b, collected in batches and named by the constraint they come from."""
+"""Linear inequality rows Σ value·w[column] ≤ upper: what constraints become at a trajectory.
+
+A constraint asks that margin(w) ≥ 0.  At the decision vector w̄ of the trajectory, with the slope there,
+    margin(w) ≈ margin(w̄) + slope · (w − w̄) ≥ 0   ⇔   −slope · w ≤ margin(w̄) − slope · w̄.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike
 
 from flipdiagram.arrays import Floats, Indices
+from flipdiagram.planning.jit import compiled
 
 
+class Part(NamedTuple):
+    """Some constraints at a trajectory: which group each belongs to, margins (m,), slopes and where they stand (e,)."""
+
+    groups: tuple[tuple[str, int], ...]
+    """Names, and how many rows in turn belong to each."""
+    rows: Indices
+    columns: Indices
+    slope: Floats
+    margin: Floats
+
+
+def part(group: str, columns: Indices, slope: Floats, margin: Floats) -> Part:
+    """m constraints of one group, each on as many variables: columns and slope (variables, m), margin (m,)."""
+    count = margin.size
+    rows = np.tile(np.arange(count), len(columns))
+    return Part(((group, count),), rows, columns.ravel(), slope.ravel(), margin)
+
+
+@dataclass(frozen=True)
 class Rows:
-    """Collects rows Σ value·w[column] ≤ upper; each row belongs to a named group, the constraint it stands for."""
+    """Rows Σ values·w[columns] ≤ upper (m,); `rows`, `columns`, `values` (e,) are the entries, zeros among them."""
 
-    def __init__(self) -> None:
-        self._rows: list[Indices] = []
-        self._columns: list[Indices] = []
-        self._values: list[Floats] = []
-        self._upper: list[Floats] = []
-        self._groups: list[tuple[str, int]] = []
-        self.count = 0
+    rows: Indices
+    columns: Indices
+    values: Floats
+    upper: Floats
+    slack: Floats
+    """What is left of each row at the trajectory (m,); negative: violated there."""
+    groups: tuple[tuple[str, int], ...]
+    """Names of the constraints that the rows stand for, and how many rows in turn belong to each."""
 
-    def add(self, group: str, terms: Sequence[tuple[ArrayLike, ArrayLike]], upper: ArrayLike) -> None:
-        """Add a batch: terms are (columns, values) pairs that broadcast against `upper`, one row per element."""
-        shape = np.broadcast_shapes(np.shape(upper), *(np.shape(c) for c, _ in terms), *(np.shape(v) for _, v in terms))
-        size = int(np.prod(shape))
-        every_column = np.empty((len(terms), *shape), dtype=np.int64)
-        every_value = np.empty((len(terms), *shape))
-        for i, (columns, values) in enumerate(terms):
-            every_column[i] = columns
-            every_value[i] = values
-        self._rows.append(np.tile(self.count + np.arange(size), len(terms)))
-        self._columns.append(every_column.ravel())
-        self._values.append(every_value.ravel())
-        self._upper.append(np.broadcast_to(np.asarray(upper, dtype=float), shape).ravel())
-        self._groups.append((group, size))
-        self.count += size
+    @classmethod
+    def about(cls, w: Floats, parts: Sequence[Part]) -> Rows:
+        """Constraints linearised about the trajectory whose decision vector is w."""
+        first = np.cumsum([0, *(each.margin.size for each in parts)]).tolist()
+        rows = np.concatenate([each.rows + k for each, k in zip(parts, first, strict=False)])
+        columns = np.concatenate([each.columns for each in parts])
+        slope = np.concatenate([each.slope for each in parts])
+        margin = np.concatenate([each.margin for each in parts])
+        upper: Floats = margin - np.bincount(rows, slope * w[columns], margin.size)
+        return cls(rows, columns, -slope, upper, margin, tuple(group for each in parts for group in each.groups))
 
-    def entries(self) -> tuple[Indices, Indices, Floats, Floats]:
-        """Row, column and value of every entry of A, those of one place to be added up, and b (count,)."""
-        if not self._rows:
-            return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
-        rows, columns = np.concatenate(self._rows), np.concatenate(self._columns)
-        return rows, columns, np.concatenate(self._values), np.concatenate(self._upper)
+    @property
+    def count(self) -> int:
+        """Number of rows m."""
+        return int(self.upper.size)
 
-    def matrix(self, columns: int) -> tuple[sp.csc_matrix, Floats]:
-        """A (count, columns) and b (count,)."""
-        rows, column, values, upper = self.entries()
-        return sp.csc_matrix((values, (rows, column)), shape=(self.count, columns)), upper
+    def matrix(self, size: int) -> sp.csc_matrix:
+        """A (m, size) with A w ≤ upper."""
+        return sp.csc_matrix((self.values, (self.rows, self.columns)), shape=(self.count, size))
 
-    def groups(self) -> list[str]:
+    def names(self) -> list[str]:
         """The group of every row, in order."""
-        return [name for name, size in self._groups for _ in range(size)]
+        return [name for name, count in self.groups for _ in range(count)]
+
+    def left(self, w: Floats) -> Floats:
+        """What is left of each row at w (m,), negative where it is violated."""
+        return self.upper - np.bincount(self.rows, self.values * w[self.columns], self.count)
+
+    def excess(self, w: Floats) -> float:
+        """Largest violation of a row at w, 0 where all hold."""
+        return float(np.max(-self.left(w), initial=0.0))
 
 
-class FilledRows(Rows):
-    """Rows that were written into arrays by compiled loops; they belong to no group."""
-
-    def __init__(self, rows: Indices, columns: Indices, values: Floats, upper: Floats) -> None:
-        super().__init__()
-        self._entries = (rows, columns, values, upper)
-        self.count = upper.size
-
-    def entries(self) -> tuple[Indices, Indices, Floats, Floats]:
-        """As `Rows.entries`."""
-        return self._entries
+Law = Callable[[Any, Any, Any, Any], None]
+"""Fills margin (m,) and slope (variables, m) of constraints from their variables x (variables, m) and numbers p."""
 
 
-class Buffer:
-    """Arrays to which compiled loops append rows: `arrays` = rows, columns, values, upper, and how many of either."""
+@dataclass(frozen=True)
+class Constraint:
+    """m constraints of one kind: on the variables w[columns], columns (variables, m), with numbers p (…, m)."""
 
-    def __init__(self, rows: int, entries: int) -> None:
-        self._counts = np.zeros(2, dtype=np.int64)
-        places, values = np.empty((2, entries), dtype=np.int64), np.empty(entries)
-        self.arrays = (places[0], places[1], values, np.empty(rows), self._counts)
+    group: str
+    law: Law
+    columns: Indices
+    p: Floats
 
-    def start(self) -> None:
-        """Forget what is there."""
-        self._counts[:] = 0
+    @classmethod
+    def of(cls, group: str, law: Law, columns: Sequence[Any], *p: Any) -> Constraint:
+        """From columns and numbers that broadcast against each other."""
+        shape = np.broadcast_shapes(*map(np.shape, columns), *map(np.shape, p))
+        full = [[np.broadcast_to(value, shape).ravel() for value in values] for values in (columns, p)]
+        return cls(group, law, np.array(full[0], dtype=np.int64), np.array(full[1], dtype=np.float64))
 
-    def finish(self) -> FilledRows:
-        """A copy of what is there."""
-        rows, columns, values, upper, (count, entries) = self.arrays
-        return FilledRows(
-            rows[:entries].copy(), columns[:entries].copy(), values[:entries].copy(), upper[:count].copy()
-        )
+
+class Linearisation:
+    """Constraints that are linearised together again and again: laws are evaluated once each, over all that obey them.
+
+    native: by machine code.
+    """
+
+    def __init__(self, constraints: Iterable[Constraint], native: bool = False) -> None:
+        by_law: dict[Law, list[Constraint]] = {}
+        for constraint in constraints:
+            by_law.setdefault(constraint.law, []).append(constraint)
+        self._native, self._blocks = native, list[tuple[Law, Floats, Indices]]()
+        rows, columns, self._count = list[Indices](), list[Indices](), 0
+        for law, alike in by_law.items():
+            at = np.hstack([constraint.columns for constraint in alike])
+            self._blocks.append((law, np.hstack([constraint.p for constraint in alike]), at))
+            rows.append(np.tile(self._count + np.arange(at.shape[1]), len(at)))
+            columns.append(at.ravel())
+            self._count += at.shape[1]
+        self._rows, self._columns = np.concatenate(rows), np.concatenate(columns)
+        self._groups = tuple((c.group, c.columns.shape[1]) for alike in by_law.values() for c in alike)
+
+    def at(self, w: Floats) -> Part:
+        """Margins and slopes at the trajectory whose decision vector is w."""
+        margin, slope, m, e = np.empty(self._count), np.empty(self._columns.size), 0, 0
+        for law, p, columns in self._blocks:
+            x, count = w[columns], columns.shape[1]
+            of, by = margin[m : m + count], slope[e : e + columns.size].reshape(columns.shape)
+            if self._native:
+                compiled(law)(x, p, of, by)
+            else:
+                law(x[:, None], p[:, None], of[None], by[:, None])
+            m, e = m + count, e + columns.size
+        return Part(self._groups, self._rows, self._columns, slope, margin)

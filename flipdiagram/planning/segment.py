@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse as sp
@@ -10,16 +10,13 @@ from pydrake.solvers import MathematicalProgram
 
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import PlanningError
-from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.horizon import STATES, Layout
-from flipdiagram.planning.model import transition
-from flipdiagram.planning.program import TURNING_RADIUS, make_solver
-from flipdiagram.planning.rows import Rows
+from flipdiagram.planning.program import add_smoothing, dynamics, make_solver
+from flipdiagram.planning.rows import Constraint, Linearisation, Rows
 
 ITERATIONS = 12
 SETTLED = 1e-3
 """Change of θ [rad] below which the linearisation counts as right."""
-RowsOf = Callable[[Rows, Layout, Trajectory], None]
 
 
 class SegmentProgram:
@@ -34,34 +31,12 @@ class SegmentProgram:
         self.prog = prog = MathematicalProgram()
         size = self.layout.size
         self._z = prog.NewContinuousVariables(size, "w")
-        dynamics = self._dynamics()
-        prog.AddLinearEqualityConstraint(dynamics, np.zeros(dynamics.shape[0]), self._z)
-        self._add_smoothness()
+        prog.AddLinearEqualityConstraint(dynamics(self.layout, sampling_time), np.zeros(STATES * intervals), self._z)
+        add_smoothing(prog, self.layout, self._z, 1.0, least=1e-9)
         self._ends = prog.AddBoundingBoxConstraint(np.full(size, -1e9), np.full(size, 1e9), self._z)
         self._rows = prog.AddLinearConstraint(sp.csc_matrix((1, size)), [-np.inf], [1.0], self._z)
 
-    def _dynamics(self) -> sp.csc_matrix:
-        layout, n = self.layout, self.layout.intervals
-        a, b = transition(self.sampling_time)
-        matrix = sp.lil_matrix((STATES * n, layout.size))
-        for k in range(n):
-            rows = slice(STATES * k, STATES * (k + 1))
-            first, following = int(layout.x(k, 0)), int(layout.x(k + 1, 0))
-            matrix[rows, first : first + STATES] = -a
-            matrix[rows, first + STATES : first + STATES + 3] = -b
-            matrix[rows, following : following + STATES] = np.eye(STATES)
-        return sp.csc_matrix(sp.diags(1 / np.tile(self._units[:STATES], n)) @ matrix.tocsr() @ sp.diags(self._units))
-
-    def _add_smoothness(self) -> None:
-        layout, n = self.layout, self.layout.intervals
-        difference = np.eye(n + 1, n) - np.eye(n + 1, n, k=-1)
-        for component, lever in enumerate((1.0, 1.0, TURNING_RADIUS)):
-            columns = layout.u(np.arange(n), component)
-            scale = lever * self._units[columns[0]]
-            gram = 2 * scale**2 * difference.T @ difference + 1e-9 * np.eye(n)
-            self.prog.AddQuadraticCost(gram, np.zeros(n), 0.0, self._z[columns], is_convex=True)
-
-    def plan(self, start: Floats, end: Floats, rows_of: RowsOf) -> tuple[Floats, Floats]:
+    def plan(self, start: Floats, end: Floats, constraints: Sequence[Constraint]) -> tuple[Floats, Floats]:
         """States (N + 1, 6) and inputs (N, 3) between two places (y, z, θ) at rest.
 
         Raises PlanningError where the program has no solution or θ does not settle.
@@ -77,20 +52,17 @@ class SegmentProgram:
         share = np.linspace(0, 1, n + 1)[:, None]
         smooth = share**3 * (10 - 15 * share + 6 * share**2)
         states = np.hstack([start + smooth * (np.asarray(end) - start), np.zeros((n + 1, 3))])
-        point = Trajectory(states, np.zeros((n, 3)), n, 1, dt)
+        inputs, linearisation = np.zeros((n, 3)), Linearisation(constraints)
         for _ in range(ITERATIONS):
-            rows = Rows()
-            rows_of(rows, layout, point)
-            matrix, upper = rows.matrix(layout.size)
-            self._rows.evaluator().UpdateCoefficients(
-                sp.csc_matrix(matrix @ sp.diags(self._units)), np.full(rows.count, -np.inf), upper
-            )
+            w = layout.pack(states, inputs)
+            rows = Rows.about(w, [linearisation.at(w)])
+            matrix = sp.csc_matrix(rows.matrix(layout.size) @ sp.diags(self._units))
+            self._rows.evaluator().UpdateCoefficients(matrix, np.full(rows.count, -np.inf), rows.upper)
             result = self._solver.Solve(self.prog, None, None)
             if not result.is_success():
                 raise PlanningError(f"no motion in {n * dt:.2f} s: {result.get_solution_result().name}")
+            theta = states[:, 2]
             states, inputs = layout.unpack(self._units * result.GetSolution(self._z))
-            change = float(np.abs(states[:, 2] - point.states[:, 2]).max())
-            point = Trajectory(states, inputs, n, 1, dt)
-            if change < SETTLED:
+            if float(np.abs(states[:, 2] - theta).max()) < SETTLED:
                 return states, inputs
         raise PlanningError(f"the motion has not settled within {ITERATIONS} linearisations")

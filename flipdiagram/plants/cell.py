@@ -168,8 +168,10 @@ def joint_friction(scenario: Scenario, arm: ArmModel) -> LeafSystem:
     needed = stable_transition_velocity(coulomb, np.diag(arm.mass_matrix(arm.home)), scenario.simulation.step)
     if np.any(needed > level.transition_velocity):
         worst = int(np.argmax(needed))
-        raise InputError(
-            f"scenario field 'joint_friction.transition_velocity' = {level.transition_velocity} rad/s makes joint"
-            f" {arm.joint_names[worst]} chatter at this step and level; valid is at least {needed[worst]:.4f} rad/s"
+        v_s, field = level.transition_velocity, "joint_friction.transition_velocity"
+        message = (
+            f"scenario field '{field}' = {v_s} rad/s makes joint {arm.joint_names[worst]} chatter at this step and"
+            f" level; valid is at least {needed[worst]:.4f} rad/s"
         )
+        raise InputError(message, field=field, value=v_s, valid=needed[worst])
     return JointFriction(coulomb, viscous, np.full(arm.n_joints, level.transition_velocity))

@@ -2,48 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 from flipdiagram.grid import BAD, Grid, verdict
-from flipdiagram.studies.frequency.claims import TEXTS, Claim
+from flipdiagram.studies.frequency.claims import TEXTS
 from flipdiagram.studies.frequency.tables import FIGURES, numbers
-
-Summary = Mapping[str, Any]
-FREQUENCY, EXPERIMENT = "flipdiagram frequency", "flipdiagram experiment"
+from flipdiagram.studies.study import Summary
 
 
 def all_claims(frequency: Summary, experiment: Summary) -> list[dict[str, Any]]:
     """One entry a claim: id, where in the paper, claim, holds, measured, the paper's number, remark, command."""
-    found = []
-    for entry in frequency["claims"]:
-        claim = Claim(entry["id"], entry["holds"], entry["measured"])
-        found.append(
-            {
-                "id": claim.id,
-                "place": f"Fig. {FIGURES[claim.id]}",
-                "claim": TEXTS[claim.id],
-                "holds": claim.holds,
-                "measured": numbers(claim),
-                "paper": "figure, no number",
-                "remark": "",
-                "command": FREQUENCY,
-            }
-        )
-    for entry in experiment["claims"]:
-        found.append(
-            {
-                "id": entry["id"],
-                "place": "section IV",
-                "claim": entry["text"],
-                "holds": entry["holds"],
-                "measured": entry["measured"],
-                "paper": entry["paper"],
-                "remark": entry["difference"],
-                "command": EXPERIMENT,
-            }
-        )
-    return found
+    section_iii = [
+        {
+            "id": entry["id"],
+            "place": f"Fig. {FIGURES[entry['id']]}",
+            "claim": TEXTS[entry["id"]],
+            "holds": entry["holds"],
+            "measured": numbers(entry),
+            "paper": "figure, no number",
+            "remark": "",
+            "command": "flipdiagram frequency",
+        }
+        for entry in frequency["claims"]
+    ]
+    return section_iii + [
+        {
+            "id": entry["id"],
+            "place": "section IV",
+            "claim": entry["text"],
+            "holds": entry["holds"],
+            "measured": entry["measured"],
+            "paper": entry["paper"],
+            "remark": entry["difference"],
+            "command": "flipdiagram experiment",
+        }
+        for entry in experiment["claims"]
+    ]
+
+
+def tables(summary: Summary) -> list[Grid | str | None]:
+    """What a terminal shows."""
+    quick = "a quick report: coarse, two starts, not the numbers to quote" if summary["quick"] else None
+    return [claims_grid(summary), quick]
 
 
 def claims_grid(summary: Summary, *, commands: bool = False) -> Grid:

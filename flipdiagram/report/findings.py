@@ -11,11 +11,11 @@ from flipdiagram.scenario.scenario import ARCHITECTURES
 Summary = Mapping[str, Any]
 
 
-def border_sentences(drawn: Summary) -> list[str]:
+def border_sentences(a_map: Summary) -> list[str]:
     """For each architecture: everywhere, nowhere, or in how many cells of a map, and the failures by kind."""
     lines = []
     for name in ARCHITECTURES:
-        cells = drawn["architectures"][name]
+        cells = a_map["architectures"][name]
         won = [value for row in cells["success"] for value in row]
         kinds: dict[str, int] = {}
         for failure in (text for row in cells["failure"] for text in row if text):
@@ -45,10 +45,10 @@ def kind_of(failure: str) -> str:
 
 def lead_sentence(borders: Summary) -> str:
     """Where E3's slight lead of FF + DOB appears although it does not in the scenario as it is."""
-    found = []
-    for drawn in borders["maps"]:
-        delay = {name: drawn["architectures"][name]["velocity_delay_s"] for name in ("pd+dob", "pd+ff+dob")}
-        success = {name: drawn["architectures"][name]["success"] for name in delay}
+    where = []
+    for a_map in borders["maps"]:
+        delay = {name: a_map["architectures"][name]["velocity_delay_s"] for name in ("pd+dob", "pd+ff+dob")}
+        success = {name: a_map["architectures"][name]["success"] for name in delay}
         cells = [
             (j, i)
             for j, row in enumerate(delay["pd+dob"])
@@ -57,10 +57,10 @@ def lead_sentence(borders: Summary) -> str:
         ]
         holds = [(j, i) for j, i in cells if delay["pd+ff+dob"][j][i] < 0 < delay["pd+dob"][j][i]]
         if holds:
-            found.append(f"{len(holds)} of {len(cells)} cells of '{drawn['title']}'")
-    if not found:
+            where.append(f"{len(holds)} of {len(cells)} cells of '{a_map['title']}'")
+    if not where:
         return "E3's slight lead of FF + DOB with a slight lag of DOB appears in no cell of these maps."
-    return "E3's slight lag of DOB with a slight lead of FF + DOB appears in " + ", ".join(found) + "."
+    return "E3's slight lag of DOB with a slight lead of FF + DOB appears in " + ", ".join(where) + "."
 
 
 def fragile_sentence(borders: Summary, experiment: Summary) -> str:

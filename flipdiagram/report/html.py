@@ -24,7 +24,7 @@ def self_contained(markdown: str, folder: Path) -> str:
 
     title = next((line.removeprefix("# ") for line in markdown.splitlines() if line.startswith("# ")), "report")
     body = MarkdownIt("commonmark", {"html": False}).enable("table").render(markdown)
-    body = re.sub(r'src="([^"]+\.png)"', lambda found: f'src="{_data(folder / found[1])}"', body)
+    body = re.sub(r'src="([^"]+\.png)"', lambda source: f'src="{_data(folder / source[1])}"', body)
     return (
         f'<!DOCTYPE html>\n<html lang="en">\n<head><meta charset="utf-8"><title>{html.escape(title)}</title>\n'
         f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>\n'

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from flipdiagram.report.claims import claims_grid
 from flipdiagram.report.findings import border_sentences, fragile_sentence, lead_sentence
@@ -12,10 +11,9 @@ from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.studies.borders.tables import border_grid, variation_grid
 from flipdiagram.studies.experiment.tables import engine_grid, engine_variants_grid, runs_grid
 from flipdiagram.studies.frequency.tables import realisations_grid
-from flipdiagram.studies.place.tables import place_grid
-from flipdiagram.studies.replanning.tables import replanning_grid
-
-Summary = Mapping[str, Any]
+from flipdiagram.studies.place.tables import tables as place_tables
+from flipdiagram.studies.replanning.tables import tables as replanning_tables
+from flipdiagram.studies.study import Summary
 
 FREQUENCY_FIGURES = (
     ("fig05_gain", "Fig. 5: gain without friction"),
@@ -59,23 +57,23 @@ def page(summary: Summary, studies: Mapping[str, Summary], scenario: Scenario, c
         realisations_grid(summary["realisations"]).markdown() if summary["realisations"] else "",
         _pictures("frequency", FREQUENCY_FIGURES),
         "## Section IV: the experiment",
-        _table(runs_grid(experiment)),
+        runs_grid(experiment).section(),
         _pictures("experiment", EXPERIMENT_FIGURES),
         "## Where each controller stops working",
-        _table(border_grid(borders)),
+        border_grid(borders).section(),
         lead_sentence(borders),
-        *(_map(drawn) for drawn in borders["maps"]),
+        *(_map(a_map) for a_map in borders["maps"]),
         "## Is it physics or the solver?",
         fragile_sentence(borders, experiment),
-        _table(variation_grid(borders)),
-        _table(engine_grid(experiment)),
-        _table(engine_variants_grid(experiment)),
+        variation_grid(borders).section(),
+        engine_grid(experiment).section(),
+        engine_variants_grid(experiment).section(),
         "## What planning again buys",
         REPLANNING,
-        _table(replanning_grid(studies["replanning"])),
+        *(grid.section() for grid in replanning_tables(studies["replanning"])),
         "## Laying the block down",
         PLACE,
-        _table(place_grid(studies["place"])),
+        *(grid.section() for grid in place_tables(studies["place"])),
         _pictures("place", PLACE_FIGURES),
         f"## How often does it work?\n\n{campaign}" if campaign else "",
         "## What is assumed",
@@ -119,16 +117,10 @@ def _observer(summary: Summary) -> str:
     )
 
 
-def _map(drawn: Summary) -> str:
-    axes = f"{drawn['x']['label']} × {drawn['y']['label']}"
-    lines = [f"### {drawn['title']}", drawn["question"], _picture("borders", f"map_{drawn['name']}", axes)]
-    return "\n\n".join([*lines, *border_sentences(drawn)])
-
-
-def _table(grid: Any) -> str:
-    if grid is None or not grid.rows:
-        return ""
-    return (f"{grid.title}:\n\n" if grid.title else "") + grid.markdown()
+def _map(a_map: Summary) -> str:
+    axes = f"{a_map['x']['label']} × {a_map['y']['label']}"
+    lines = [f"### {a_map['title']}", a_map["question"], _picture("borders", f"map_{a_map['name']}", axes)]
+    return "\n\n".join([*lines, *border_sentences(a_map)])
 
 
 def _pictures(study: str, figures: tuple[tuple[str, str], ...]) -> str:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pandas as pd  # type: ignore[import-untyped]  # pandas-stubs may be missing
 import xarray as xr
 from matplotlib.axes import Axes
 
 from flipdiagram.errors import InputError
-from flipdiagram.results import frame, plots
-from flipdiagram.results.signals import check_recording
+from flipdiagram.files import atomic_path
+from flipdiagram.results import plots
+from flipdiagram.results.signals import check_recording, components
 from flipdiagram.scenario import scenario
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation import metrics
@@ -58,16 +61,49 @@ class FlipAccessor:
         return scenario.from_yaml(str(text), "scenario of the recording")
 
     def to_frame(self) -> pd.DataFrame:
-        """One row a sample, index time [s], columns `x_y`, `tau_S`, …; their units in attrs["units"]."""
-        return frame.to_frame(check_recording(self._data))
+        """One row a sample, index time [s], columns `x_y`, `tau_S`, …; their units in attrs["units"].
+
+        The recording's own attributes stand beside them.
+        """
+        data = check_recording(self._data)
+        parts = components(data)
+        index = pd.Index(data["time"].values, name="time")
+        frame = pd.DataFrame({part.name: part.values(data) for part in parts}, index=index)
+        frame.attrs = {str(name): np.asarray(value).tolist() for name, value in data.attrs.items()}
+        frame.attrs["units"] = {"time": "s"} | {part.name: part.unit for part in parts}
+        return frame
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write CSV with a header 'time [s],x_y [m],…'; returns the path.  InputError where it cannot write."""
-        return frame.to_csv(check_recording(self._data), path)
+        """Write CSV, whole or not at all: a header 'time [s],x_y [m],…', then a row a sample; nan is an empty cell.
+
+        Numbers have as many digits as it takes to read them back exactly.  Returns the path.  InputError where it
+        cannot write.
+        """
+        frame = self.to_frame()
+        headings = [f"{name} [{frame.attrs['units'][name]}]" for name in frame.columns]
+        with atomic_path(path) as temporary:
+            frame.to_csv(temporary, header=headings, index_label="time [s]", lineterminator="\n")
+        return Path(path)
 
     def to_parquet(self, path: str | os.PathLike[str]) -> Path:
-        """Write Parquet that `pandas.read_parquet` reads back with units; returns the path.
+        """Write Parquet, whole or not at all; `pandas.read_parquet` gives `to_frame` back, units included.
 
-        InputError where it cannot write, and where pyarrow is missing: pip install 'flipdiagram[parquet]'.
+        Each column's field metadata has its 'units' too, for readers other than pandas.  Returns the path.  InputError
+        where it cannot write, and where pyarrow is missing: pip install 'flipdiagram[parquet]'.
         """
-        return frame.to_parquet(check_recording(self._data), path)
+        frame = self.to_frame()
+        try:
+            import pyarrow as pa  # type: ignore[import-untyped]  # has no type information
+            from pyarrow import parquet
+        except ImportError:
+            raise InputError(
+                "Parquet needs pyarrow, which is not installed; install it with: pip install 'flipdiagram[parquet]'"
+            ) from None
+        table = pa.Table.from_pandas(frame).select(["time", *frame.columns])  # else the index comes last
+        units = frame.attrs["units"]
+        fields = [table.schema.field(name).with_metadata({"units": units[name]}) for name in table.column_names]
+        # where pandas looks for the attributes of a frame
+        metadata = {**table.schema.metadata, b"PANDAS_ATTRS": json.dumps(frame.attrs).encode()}
+        with atomic_path(path) as temporary:
+            parquet.write_table(table.cast(pa.schema(fields, metadata=metadata)), temporary)
+        return Path(path)

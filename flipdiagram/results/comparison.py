@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 
 from flipdiagram.errors import InputError
 from flipdiagram.figures.style import NAMES, STYLES
-from flipdiagram.grid import BAD, GOOD, Grid
+from flipdiagram.grid import BAD, GOOD, Grid, number
 from flipdiagram.planning.plan import Plan
 from flipdiagram.results import plots
 from flipdiagram.results.differences import (
@@ -27,7 +27,7 @@ from flipdiagram.results.differences import (
     signal_difference,
 )
 from flipdiagram.results.opening import Source, read
-from flipdiagram.results.signals import check_recording, components, field_unit, flat, number, scenario_fields
+from flipdiagram.results.signals import check_recording, components, field_unit, flat, scenario_fields
 from flipdiagram.simulation.metrics import measure
 
 SECOND = "#CC79A7"
@@ -84,7 +84,9 @@ class Comparison:
         worst: dict[tuple[str, str], SignalDifference] = {}
         for part in differing:
             key = part.signal, part.unit
-            worst[key] = max(worst.get(key, part), part, key=lambda found: (found.largest, found.one_sided))
+            worst[key] = max(
+                worst.get(key, part), part, key=lambda difference: (difference.largest, difference.one_sided)
+            )
         signals = [
             [f"`{p.signal}`", f"`{p.name}`", p.unit, *map(number, (p.largest, p.rms, p.time)), str(p.one_sided or "–")]
             for p in worst.values()
@@ -114,10 +116,10 @@ class Comparison:
             raise InputError(f"two results of kind '{self.kind}' have no signals; valid are recordings")
         one, other = self.recordings
         parts = components(one, signal)
-        theirs = [part.name for part in components(other, signal)]
-        if [part.name for part in parts] != theirs:
+        other_names = [part.name for part in components(other, signal)]
+        if [part.name for part in parts] != other_names:
             raise InputError(
-                f"'{signal}' is {', '.join(p.name for p in parts)} and {', '.join(theirs)}; valid is equal"
+                f"'{signal}' is {', '.join(p.name for p in parts)} and {', '.join(other_names)}; valid is equal"
             )
         panels, own = plots.panels_for(parts, ax)
         twins = one.attrs["architecture"] == other.attrs["architecture"]
@@ -142,7 +144,7 @@ class Comparison:
                     shown_data = plots.view(data, None)
                     panel.plot(shown_data["time"], part.values(shown_data), label=label, **line)
                 panel.set_ylabel(plots.label_of(part))
-        plots.finish(panels, own)
+        plots.finish_panels(panels, own)
         return panels[0] if len(parts) == 1 and not isinstance(ax, Sequence) else panels
 
     def _repr_markdown_(self) -> str:
@@ -171,14 +173,14 @@ def compare(a: Comparable, b: Comparable) -> Comparison:
         source.plan.summary() if source.plan is not None else dict(source.summary or {}) for source in (one, other)
     ]
     scenarios = [flat(content.pop("scenario", {})) for content in contents]
-    mine, theirs, notes = comparable(leaves(contents[0]), leaves(contents[1]), names)
-    found = changes(mine, theirs)
+    first_leaves, second_leaves, notes = comparable(leaves(contents[0]), leaves(contents[1]), names)
+    differing = changes(first_leaves, second_leaves)
     return Comparison(
         names,
         one.kind,
         scenario=_fields(*scenarios),
-        verdicts=tuple(change for change in found if not change.numeric),
-        numbers=tuple(change for change in found if change.numeric),
+        verdicts=tuple(change for change in differing if not change.numeric),
+        numbers=tuple(change for change in differing if change.numeric),
         notes=tuple(notes),
     )
 
@@ -186,9 +188,9 @@ def compare(a: Comparable, b: Comparable) -> Comparison:
 def _recordings(one: xr.Dataset, other: xr.Dataset, names: tuple[str, str]) -> Comparison:
     check_recording(one)
     check_recording(other)
-    mine, theirs = ({part.name: part for part in components(data)} for data in (one, other))
+    first_parts, second_parts = ({part.name: part for part in components(data)} for data in (one, other))
     where = common_samples(one, other)
-    alone = [k for k in mine if k not in theirs], [k for k in theirs if k not in mine]
+    alone = [k for k in first_parts if k not in second_parts], [k for k in second_parts if k not in first_parts]
     notes = [f"Only in {names[k]}: " + ", ".join(f"`{part}`" for part in alone[k]) for k in (0, 1) if alone[k]]
     architectures = one.attrs["architecture"], other.attrs["architecture"]
     if architectures[0] != architectures[1]:
@@ -196,12 +198,12 @@ def _recordings(one: xr.Dataset, other: xr.Dataset, names: tuple[str, str]) -> C
     signals = []
     if len(where[0]):
         time = one["time"].values[where[0]]
-        for name in (name for name in mine if name in theirs):
-            if mine[name].unit != theirs[name].unit:
-                notes.append(f"`{name}` is in {mine[name].unit} and in {theirs[name].unit}: not compared")
+        for name in (name for name in first_parts if name in second_parts):
+            if first_parts[name].unit != second_parts[name].unit:
+                notes.append(f"`{name}` is in {first_parts[name].unit} and in {second_parts[name].unit}: not compared")
                 continue
-            x, y = mine[name].values(one)[where[0]], theirs[name].values(other)[where[1]]
-            signals.append(signal_difference(mine[name], x, y, time))
+            x, y = first_parts[name].values(one)[where[0]], second_parts[name].values(other)[where[1]]
+            signals.append(signal_difference(first_parts[name], x, y, time))
     else:
         notes.append("No time in common: signals not compared")
     fields = [scenario_fields(data) for data in (one, other)]
@@ -223,9 +225,9 @@ def _recordings(one: xr.Dataset, other: xr.Dataset, names: tuple[str, str]) -> C
 
 def _measured(data: xr.Dataset) -> dict[str, Any]:
     """Metrics by name, the torque of each joint by the joint's."""
-    found = measure(data).as_dict()
-    torques = zip(data["joint"].values, found.pop("max_torque_Nm"), strict=True)
-    return leaves(found) | {f"max_torque_Nm[{joint}]": torque for joint, torque in torques}
+    metrics = measure(data).as_dict()
+    torques = zip(data["joint"].values, metrics.pop("max_torque_Nm"), strict=True)
+    return leaves(metrics) | {f"max_torque_Nm[{joint}]": torque for joint, torque in torques}
 
 
 def _fields(a: dict[str, Any], b: dict[str, Any]) -> tuple[Change, ...]:
@@ -240,9 +242,9 @@ def _source(value: Comparable, name: str) -> tuple[Source, str]:
         if "time" not in value.sizes:
             raise InputError(f"{name} is no recording; valid are recordings, and the path of a summary.json")
         check_recording(value)
-        return Source(Path(), "recording", "recording", data=value), str(value.attrs["architecture"])
+        return Source(Path(), "recording", value), str(value.attrs["architecture"])
     if isinstance(value, Plan):
-        return Source(Path(), "motion", "", plan=value), name
+        return Source(Path(), "motion", plan=value), name
     if not isinstance(value, str | os.PathLike):
         kind = type(value).__name__
         raise InputError(f"{name} is a {kind}; valid are recordings, plans, and the path of a summary.json")

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flipdiagram.results.signals import Component, number, unit_of
+from flipdiagram.grid import number
+from flipdiagram.results.signals import Component, unit_of
 
 SKIPPED = {
     "schema",
@@ -116,8 +117,8 @@ def comparable(
     notes = []
     heads = [{_head(name): None for name in leaf} for leaf in (a, b)]
     out: set[str] = set()
-    for name, mine, theirs in ((names[0], *heads), (names[1], *reversed(heads))):
-        alone = [head for head in mine if head not in theirs and head]
+    for name, own, foreign in ((names[0], *heads), (names[1], *reversed(heads))):
+        alone = [head for head in own if head not in foreign and head]
         out |= set(alone)
         if alone:
             more = f", and {len(alone) - FEW} more" if len(alone) > FEW else ""
@@ -132,15 +133,15 @@ def comparable(
 
 def changes(a: Mapping[str, Any], b: Mapping[str, Any], all_of_them: bool = False) -> tuple[Change, ...]:
     """The leaves that differ, or all; of lists of numbers the place that differs most."""
-    found = []
+    pairs = []
     for name in dict.fromkeys([*a, *b]):
         x, y = a.get(name), b.get(name)
         unit = unit_of(re.sub(r"(\[[^]]*\])+$", "", name)) if _is_number(x if x is not None else y) else ""
         if isinstance(x, Sequence) and isinstance(y, Sequence) and not isinstance(x, str) and not isinstance(y, str):
-            found.append(_of_lists(name, unit_of(name), list(x), list(y)))
+            pairs.append(_of_lists(name, unit_of(name), list(x), list(y)))
         else:
-            found.append(Change(name, unit, x, y))
-    return tuple(change for change in found if all_of_them or not change.same)
+            pairs.append(Change(name, unit, x, y))
+    return tuple(change for change in pairs if all_of_them or not change.same)
 
 
 def signal_difference(part: Component, x: np.ndarray, y: np.ndarray, time: np.ndarray) -> SignalDifference:
@@ -158,8 +159,8 @@ def signal_difference(part: Component, x: np.ndarray, y: np.ndarray, time: np.nd
 def common_samples(one: xr.Dataset, other: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     """Indices of the samples at the same time to a nanosecond, in both."""
     a, b = (np.round(1e9 * data["time"].values).astype(np.int64) for data in (one, other))
-    _, mine, theirs = np.intersect1d(a, b, return_indices=True)
-    return mine, theirs
+    _, here, there = np.intersect1d(a, b, return_indices=True)
+    return here, there
 
 
 def _of_lists(name: str, unit: str, x: list[Any], y: list[Any]) -> Change:
@@ -182,8 +183,8 @@ def _head(name: str) -> str:
 def _key(item: Any, index: int) -> str:
     if not isinstance(item, Mapping):
         return str(index)
-    found = [number(item[key]) for key in KEYS if key in item and not isinstance(item[key], list | dict)]
-    return ", ".join(text for text in found if text != "–") or str(index)
+    values = [number(item[key]) for key in KEYS if key in item and not isinstance(item[key], list | dict)]
+    return ", ".join(text for text in values if text != "–") or str(index)
 
 
 def _are_numbers(values: Sequence[Any]) -> bool:

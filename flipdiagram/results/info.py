@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from flipdiagram.errors import InputError
-from flipdiagram.grid import Grid
+from flipdiagram.grid import Grid, number
+from flipdiagram.planning.plan import SCHEMA as PLAN_SCHEMA
 from flipdiagram.planning.plan import Plan
-from flipdiagram.results.opening import AnyPath, Source, open_result, read
-from flipdiagram.results.signals import check_recording, components, flat, number, scenario_fields
+from flipdiagram.results.exports import CAMPAIGN
+from flipdiagram.results.opening import BROKEN, AnyPath, Source, damaged, read
+from flipdiagram.results.signals import check_recording, components, flat, scenario_fields
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.metrics import measure
+from flipdiagram.studies.registry import STUDIES
+from flipdiagram.studies.study import Study
 
 Rows = list[tuple[str, str]]
 
@@ -26,27 +30,31 @@ def info(path: AnyPath) -> Grid:
     """
     source = read(path)
     rows: Rows = [("file", str(source.path)), ("kind", source.kind)]
-    if source.schema != source.kind:
-        rows.append(("schema", source.schema))
     if source.kind == "recording" and source.data is not None:
         rows += _recording(source.data)
     elif source.data is not None:
-        rows += _variables(source.data)
+        rows += (_flips(source.data) if source.kind == CAMPAIGN else []) + _variables(source.data)
     elif source.plan is not None:
-        rows += _plan(source.plan)
+        rows += [("schema", PLAN_SCHEMA), *_plan(source.plan)]
     else:
-        rows += _summary(source)
+        rows += _summary(source, STUDIES[source.kind])
     return Grid(["", source.path.name], rows)
 
 
 def _recording(data: xr.Dataset) -> Rows:
     check_recording(data)
-    time, found = data["time"].values, measure(data)
-    landed = found.touchdown
+    time, measured = data["time"].values, measure(data)
+    landed = measured.touchdown
+    # a recording carries the study that judged it; those of older versions only its signals
+    if "study" in data.attrs or "slide_cmd" in data:
+        study = STUDIES[str(data.attrs.get("study", "place"))]
+        success, failure = bool(data.attrs["success"]), str(data.attrs["failure"])
+    else:
+        study, success, failure = STUDIES["turnover"], measured.success, str(measured.failure)
     rows = [
         ("architecture", str(data.attrs["architecture"])),
-        ("block", "turned over" if found.success else f"not turned over: {found.failure}"),
-        ("start", f"y = {found.start_y_m:g} m"),
+        (study.success[0], study.success[1] if success else f"not {study.success[1]}: {failure}"),
+        ("start", f"y = {measured.start_y_m:g} m"),
         (
             "duration",
             f"{time[-1] - time[0]:.4g} s, {time[0]:.4g} to {time[-1]:.4g} s, motion 0 to "
@@ -55,18 +63,28 @@ def _recording(data: xr.Dataset) -> Rows:
         ("sampling", f"{len(time)} samples, every {1e3 * (time[1] - time[0]):.4g} ms"),
         (
             "release",
-            f"{found.release_time_s:.3f} s at θ = {found.release_angle_rad:.2f} rad, planned "
+            f"{measured.release_time_s:.3f} s at θ = {measured.release_angle_rad:.2f} rad, planned "
             f"{float(data.attrs['release_time_s']):.3f} s",
         ),
         (
             "touch-down",
             f"{landed.time_s:.3f} s at y = {landed.y_m:.4f} m, θ = {landed.theta_rad:.2f} rad" if landed else "none",
         ),
-        ("position RMSE", f"{100 * found.position_rmse_m:.3g} cm"),
+        ("position RMSE", f"{100 * measured.position_rmse_m:.3g} cm"),
     ]
     fields = scenario_fields(data)
     rows += _changed(fields) if fields is not None else [("scenario", "not kept in this file")]
     return rows + _variables(data)
+
+
+def _flips(data: xr.Dataset) -> Rows:
+    """How the flips of a campaign ended, by architecture."""
+    rows: Rows = []
+    for name in data["architecture"].values:
+        modes = Counter(str(mode) for mode in data["outcome"].sel(architecture=name).values if mode)
+        ended = ", ".join(f"{mode} {count}" for mode, count in modes.most_common()) or "none"
+        rows.append((f"flips, {name}", f"{modes.total()}: {ended}"))
+    return rows
 
 
 def _variables(data: xr.Dataset) -> Rows:
@@ -94,36 +112,55 @@ def _plan(plan: Plan) -> Rows:
     return [("duration", f"{plan.duration:g} s"), ("samples", samples), *entries]
 
 
-def _summary(source: Source) -> Rows:
+def _summary(source: Source, study: Study) -> Rows:
     content = source.summary or {}
     if source.kind != "plan":
-        open_result(source.path)  # names what is damaged
+        source.result()  # names what is damaged
     versions, fields = content.get("versions"), content.get("scenario")
-    rows: Rows = []
+    rows: Rows = [("schema", study.schema)]
     if isinstance(versions, Mapping):
         rows.append(("versions", ", ".join(f"{name} {text}" for name, text in versions.items())))
     if content.get("quick"):
         rows.append(("quick", "a quick run, not the numbers to quote"))
     try:
-        rows += [row for name, read_rows in ROWS.items() if content.get(name) for row in read_rows(content[name])]
-    except (KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"'{source.path}' is damaged: {error}; valid is a file that flipdiagram wrote") from error
+        for name, rows_of in ROWS.items():
+            if content.get(name):
+                rows += rows_of(content[name])
+        rows += _runs(content.get("runs", []), *study.success)
+        rows += _rates(content) if source.kind in ("campaign", "tuning") else []
+    except BROKEN as error:
+        raise damaged(source.path, error) from error
     return rows + (_changed(flat(fields)) if isinstance(fields, Mapping) else [])
 
 
-def _runs(runs: Sequence[Mapping[str, Any]]) -> Rows:
+def _runs(runs: Sequence[Mapping[str, Any]], what: str, success: str) -> Rows:
     rows: Rows = []
     for name in dict.fromkeys(str(run["architecture"]) for run in runs):
-        mine = [run for run in runs if run["architecture"] == name]
-        won = sum(bool(run["success"]) for run in mine)
-        text = "turned over" if won else "not turned over"
-        if len(mine) > 1:
-            text = f"{won} of {len(mine)} turned over"
-        reasons = dict.fromkeys(str(run["failure"]) for run in mine if run.get("failure"))
+        of_name = [run for run in runs if run["architecture"] == name]
+        won = sum(bool(run["success"]) for run in of_name)
+        text = f"{won} of {len(of_name)} {success}" if len(of_name) > 1 else success if won else f"not {success}"
+        reasons = dict.fromkeys(str(run["failure"]) for run in of_name if run.get("failure"))
         first = next(iter(reasons), "")
         more = f", and {len(reasons) - 1} more" if len(reasons) > 1 else ""
-        rows.append((f"block, {name}", f"{text}: {first}{more}" if first else text))
+        rows.append((f"{what}, {name}", f"{text}: {first}{more}" if first else text))
     return rows
+
+
+def _rates(content: Mapping[str, Any]) -> Rows:
+    """Success rates with their 95 % intervals: of a campaign by architecture, of the tuner by gains."""
+    entries = content.get("architectures") or {
+        f"{content['architecture']}, {side} gains, held out": content["held_out"][side] for side in ("default", "tuned")
+    }
+    return [
+        (
+            f"block, {name}",
+            "no flip that counts"
+            if entry["rate"] is None
+            else f"turned over in {100 * entry['rate']:.1f} %"
+            f" ({100 * entry['low']:.1f}–{100 * entry['high']:.1f} %): {number(entry['modes'])}",
+        )
+        for name, entry in entries.items()
+    ]
 
 
 def _claims(claims: Sequence[Mapping[str, Any]]) -> Rows:
@@ -137,10 +174,10 @@ def _claims(claims: Sequence[Mapping[str, Any]]) -> Rows:
 
 def _maps(maps: Sequence[Mapping[str, Any]]) -> Rows:
     rows: Rows = []
-    for drawn in maps:
-        cells = len(drawn["x"]["values"]) * len(drawn["y"]["values"])
-        won = ", ".join(f"{name} {sum(map(sum, of['success']))}" for name, of in drawn["architectures"].items())
-        rows.append((f"map {drawn['name']}", f"{cells} cells, turned over: {won}"))
+    for a_map in maps:
+        cells = len(a_map["x"]["values"]) * len(a_map["y"]["values"])
+        won = ", ".join(f"{name} {sum(map(sum, of['success']))}" for name, of in a_map["architectures"].items())
+        rows.append((f"map {a_map['name']}", f"{cells} cells, turned over: {won}"))
     return rows
 
 
@@ -167,7 +204,6 @@ def _planned(plan: Mapping[str, Any]) -> Rows:
 
 ROWS: Mapping[str, Any] = {
     "plan": _planned,
-    "runs": _runs,
     "claims": _claims,
     "second_engine": _engines,
     "maps": _maps,

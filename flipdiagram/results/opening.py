@@ -16,54 +16,61 @@ import xarray as xr
 from flipdiagram.errors import InputError
 from flipdiagram.planning.plan import SCHEMA as PLAN_SCHEMA
 from flipdiagram.planning.plan import Plan
-from flipdiagram.results import summaries
+from flipdiagram.results.exports import CAMPAIGN, read_table, with_truth_values
 from flipdiagram.simulation.recording_files import load_recording
+from flipdiagram.studies.registry import STUDIES
 
-STUDIES = ("turnover", "experiment", "borders", "frequency", "report", "plan")
 VERSION = 1
 """Version of every schema that this code reads."""
-IN_FOLDER = ("summary.json", "plan.json", "frequency.nc")
+IN_FOLDER = ("summary.json", "tuning.json", "plan.json", "frequency.nc", "campaign.sqlite")
 """What stands for a folder, first one first; after these a single recording."""
-VALID = "valid is a recording (.nc), summary.json, plan.json, frequency.nc, or a folder that holds one"
+VALID = (
+    "valid is a recording (.nc), summary.json, tuning.json, plan.json, frequency.nc, a campaign (.sqlite, .csv,"
+    " .parquet, .nc), or a folder that holds one"
+)
+BROKEN = (KeyError, TypeError, ValueError, IndexError, AttributeError)
+"""What reading a summary raises where an entry is missing or of another kind."""
 AnyPath = str | os.PathLike[str]
 Result = xr.Dataset | dict[str, xr.Dataset] | Plan
 
 
 @dataclass(frozen=True)
 class Source:
-    """A file as read: what it is ('recording', 'frequency data', 'motion' or a study), and its content."""
+    """A file as read: 'recording', 'frequency data', 'campaign data', 'motion' or a study, and what it holds."""
 
     path: Path
     kind: str
-    schema: str
     data: xr.Dataset | None = None
     summary: Mapping[str, Any] | None = None
     plan: Plan | None = None
 
+    def result(self) -> Result:
+        """The object that it holds; InputError where it is damaged."""
+        if self.data is not None:
+            return self.data
+        if self.plan is not None:
+            return self.plan
+        try:
+            result: Result = STUDIES[self.kind].read(self.summary, self.path.parent)
+            return result
+        except BROKEN as error:
+            raise damaged(self.path, error) from error
+
 
 def open_result(path: AnyPath) -> Result:
-    """The object that a file or folder of results holds.
+    """The object that a file or folder of results holds; every summary.json is read by its study's `read`.
 
     A recording or frequency.nc: its Dataset.  plan.json, and the summary.json of `flipdiagram plan`: the Plan.
-    summary.json of turnover: Dataset over (architecture, joint); experiment: (architecture, start_y); report: claims;
-    borders: a Dataset by map name, over the architecture and the map's two axes; frequency: a Dataset by figure,
-    '5' … '10', over (curve, omega); beside these 'variations' and 'claims'.  Units stand in attrs["units"].
-    A folder: its summary.json, else plan.json, frequency.nc, or its only recording.
+    summary.json of turnover and place: Dataset over (architecture, joint); experiment: (architecture, start_y);
+    replanning: (case, way, architecture); report: claims; borders: a Dataset by map name, over the architecture and
+    the map's two axes; frequency: a Dataset by figure, '5' … '10', over (curve, omega); beside these 'variations' and
+    'claims'; campaign: rates by architecture, 'pairs' and 'quantiles'; tuning.json: 'rates' and 'gains'.
+    campaign.sqlite and what --export wrote: the flips over (trial, architecture).  Units stand in attrs["units"].
+    A folder: its summary.json, else tuning.json, plan.json, frequency.nc, campaign.sqlite, or its only recording.
 
     Raises InputError for a missing or damaged file, an unknown schema, and a schema newer than this version.
     """
-    source = read(path)
-    if source.data is not None:
-        return source.data
-    if source.plan is not None:
-        return source.plan
-    assert source.summary is not None
-    if source.kind == "plan":
-        return Plan.load(source.path.with_name("plan.json"))
-    try:
-        return summaries.READERS[source.kind](source.summary, source.path.parent)
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-        raise _damaged(source.path, error) from error
+    return read(path).result()
 
 
 def read(path: AnyPath) -> Source:
@@ -73,29 +80,50 @@ def read(path: AnyPath) -> Source:
         raise InputError(f"'{file}' is a page for a browser and is not supported here; {VALID}")
     if file.suffix == ".nc":
         return _read_dataset(file)
-    if file.suffix != ".json":
-        raise InputError(f"'{file}' is no file of results; {VALID}")
-    return _read_json(file)
+    if file.suffix == ".json":
+        return _read_json(file)
+    if file.suffix == ".sqlite":
+        from flipdiagram.campaign.dataset import load_dataset
+
+        return Source(file, CAMPAIGN, load_dataset(file))
+    if file.suffix in (".csv", ".parquet"):
+        try:
+            return Source(file, CAMPAIGN, read_table(file))
+        except ImportError:
+            words = "pip install 'flipdiagram[parquet]'"
+            raise InputError(f"'{file}' needs pyarrow, which is not installed; install it with: {words}") from None
+        except (OSError, *BROKEN) as error:
+            raise damaged(file, error) from error
+    raise InputError(f"'{file}' is no file of results; {VALID}")
 
 
 def locate(path: AnyPath) -> Path:
     """The file that stands for a path; InputError where there is none."""
-    found = Path(path)
+    file = Path(path)
     try:
-        if not found.exists():
-            raise InputError(f"'{found}' does not exist; {VALID}")
-        if not found.is_dir():
-            return found
-        held = [found / name for name in IN_FOLDER if (found / name).is_file()] or sorted(found.glob("*.nc"))
+        if not file.exists():
+            raise InputError(f"'{file}' does not exist; {VALID}")
+        if not file.is_dir():
+            return file
+        held = [file / name for name in IN_FOLDER if (file / name).is_file()] or sorted(file.glob("*.nc"))
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
         reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{str(found)!r} cannot be read: {reason}; {VALID}") from None
+        raise InputError(f"{str(file)!r} cannot be read: {reason}; {VALID}") from None
     if not held:
-        raise InputError(f"folder '{found}' holds no results; {VALID}")
+        raise InputError(f"folder '{file}' holds no results; {VALID}")
     if held[0].name not in IN_FOLDER and len(held) > 1:
-        names = ", ".join(file.name for file in held)
-        raise InputError(f"folder '{found}' holds several recordings, {names}; name one of them")
+        names = ", ".join(recording.name for recording in held)
+        raise InputError(f"folder '{file}' holds several recordings, {names}; name one of them")
     return held[0]
+
+
+def damaged(file: Path, reason: object) -> InputError:
+    """The error for a file that is not as flipdiagram wrote it."""
+    if isinstance(reason, KeyError):
+        reason = f"it lacks {reason}"
+    text = " ".join(str(reason).split())[:160]
+    valid = "a file that flipdiagram wrote"
+    return InputError(f"'{file}' is damaged: {text}; valid is {valid}", field="file", value=str(file), valid=valid)
 
 
 def _read_json(file: Path) -> Source:
@@ -105,44 +133,39 @@ def _read_json(file: Path) -> Source:
     except OSError as error:
         raise InputError(f"'{file}' cannot be read: {error.strerror}; {VALID}") from None
     except (ValueError, RecursionError) as error:  # not UTF-8 is a ValueError too
-        raise _damaged(file, f"not valid JSON: {error}") from None
+        raise damaged(file, f"not valid JSON: {error}") from None
     schema = content.get("schema") if isinstance(content, dict) else None
     match = re.fullmatch(r"flipdiagram/(\w+)/(\d{1,9})", schema) if isinstance(schema, str) else None
-    known = (*STUDIES, PLAN_SCHEMA.split("/")[1])
+    known = {study.name: study.schema for study in STUDIES.values()} | {"motion": PLAN_SCHEMA}
     if match is None or match[1] not in known:
-        names = ", ".join(f"flipdiagram/{name}/{VERSION}" for name in known)
-        raise InputError(f"'{file}' has schema {json.dumps(schema)[:60]}; valid are {names}")
+        valid = ", ".join(known.values())
+        raise InputError(f"'{file}' has schema {json.dumps(schema)[:60]}; valid are {valid}", value=schema, valid=valid)
     if int(match[2]) != VERSION:
         age = "newer" if int(match[2]) > VERSION else "older"
         raise InputError(
             f"'{file}' has schema '{schema}', {age} than this flipdiagram reads; valid is version {VERSION}"
         )
     if schema == PLAN_SCHEMA:
-        return Source(file, "motion", PLAN_SCHEMA, plan=Plan.from_json(text, f"plan file '{file}'"))
+        return Source(file, "motion", plan=Plan.from_json(text, f"plan file '{file}'"))
     for part in ("versions", "scenario"):
         if not isinstance(content.get(part), dict):
-            raise _damaged(file, KeyError(part))
-    return Source(file, match[1], str(schema), summary=content)
+            raise damaged(file, KeyError(part))
+    return Source(file, match[1], summary=content)
 
 
 def _read_dataset(file: Path) -> Source:
     try:
         data = load_recording(file)
     except OSError as error:
-        raise _damaged(file, error.strerror or error) from None
+        raise damaged(file, error.strerror or error) from None
     # what scipy and xarray raise for bytes that are no NetCDF, or that end too early
-    except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, MemoryError, struct.error) as error:
-        raise _damaged(file, f"no NetCDF 3, or cut off ({error})") from None
+    except (*BROKEN, LookupError, ArithmeticError, MemoryError, struct.error) as error:
+        raise damaged(file, f"no NetCDF 3, or cut off ({error})") from None
     if "x_cmd" in data and "time" in data.sizes and "architecture" in data.attrs:
-        return Source(file, "recording", "recording", data=data)
+        return Source(file, "recording", data)
     if "linear_peak_x" in data and "omega" in data.coords:
-        return Source(file, "frequency data", "frequency data", data=data)
+        return Source(file, "frequency data", data)
+    if {"trial", "architecture"} <= set(data.sizes) and "outcome" in data:
+        return Source(file, CAMPAIGN, with_truth_values(data))
     names = ", ".join(str(name) for name in list(data.data_vars)[:6]) or "nothing"
-    raise InputError(f"'{file}' holds {names}: neither a recording nor frequency data; {VALID}")
-
-
-def _damaged(file: Path, reason: object) -> InputError:
-    if isinstance(reason, KeyError):
-        reason = f"it lacks {reason}"
-    text = " ".join(str(reason).split())[:160]
-    return InputError(f"'{file}' is damaged: {text}; valid is a file that flipdiagram wrote")
+    raise InputError(f"'{file}' holds {names}: neither a recording nor frequency data nor a campaign; {VALID}")

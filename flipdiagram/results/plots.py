@@ -7,11 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from flipdiagram.errors import InputError
 from flipdiagram.figures.motion import dropped_at
-from flipdiagram.figures.style import GUIDE, LABELS, MARK, NAMES, STYLES, Style, new_axes
+from flipdiagram.figures.style import GUIDE, LABELS, MARK, NAMES, STYLES, Style, finish, new_axes
 from flipdiagram.results.signals import Component, components, pretty, scenario_fields
 from flipdiagram.simulation import metrics
 
@@ -50,14 +49,14 @@ def style_for(data: xr.Dataset) -> Style:
 
 def events(data: xr.Dataset) -> dict[str, float]:
     """What happened, by name: 'release' or 'block lost', and 'touch-down' [s]; only what lies inside the recording."""
-    time, found = data["time"].values, {}
+    time, happened = data["time"].values, {}
     contact, landed = metrics.touching(data, "blade-block"), metrics.touchdown(data)
     last = metrics.release_index(data)
     if contact.any() and last < len(time) - 1:
-        found["release" if dropped_at(data) is None else "block lost"] = float(time[last])
+        happened["release" if dropped_at(data) is None else "block lost"] = float(time[last])
     if landed is not None and landed.time_s > time[0]:
-        found["touch-down"] = landed.time_s
-    return found
+        happened["touch-down"] = landed.time_s
+    return happened
 
 
 def label_of(part: Component) -> str:
@@ -92,7 +91,7 @@ def plot_signal(
             panel.plot(shown["time"], part.values(shown), label=label, **line)
         panel.set_ylabel(label_of(part))
     mark_events(panels, data)
-    finish(panels, own)
+    finish_panels(panels, own)
     return panels[0] if len(parts) == 1 and not isinstance(ax, Sequence) else panels
 
 
@@ -121,7 +120,7 @@ def plot_path(data: xr.Dataset, ax: Axes | None) -> Axes:
     panel.set(xlabel=LABELS["x"][0], ylabel=LABELS["x"][1])
     panel.set_aspect("equal", adjustable="datalim")
     panel.margins(0.08)
-    finish(panels, own, time_axis=False)
+    finish_panels(panels, own, time_axis=False)
     return panel
 
 
@@ -160,7 +159,7 @@ def plot_margins(data: xr.Dataset, axes: Sequence[Axes] | None) -> Sequence[Axes
     if isinstance(length, float):
         for edge in (-500.0 * length, 500.0 * length):
             panels[1].axhline(edge, **GUIDE)
-    finish(panels, own)
+    finish_panels(panels, own)
     return panels
 
 
@@ -222,22 +221,12 @@ def mark_events(panels: Sequence[Axes], data: xr.Dataset) -> None:
             panel.axvline(time, **style, label=name)
 
 
-def finish(panels: Sequence[Axes], own: bool, time_axis: bool = True) -> None:
-    """Grid, labels of time, and a legend: above the panels of a Figure of our own, else inside the first."""
-    figure = panels[0].figure
-    for panel in panels:
-        panel.grid(color="0.9", linewidth=0.6)
-        panel.set_axisbelow(True)
-        panel.spines[["top", "right"]].set_visible(False)
+def finish_panels(panels: Sequence[Axes], own: bool, time_axis: bool = True) -> None:
+    """Labels of time, grid, and a legend: above the panels of a Figure of our own, else inside the first."""
     for panel in panels if time_axis else ():
         if not own or panel in _lowest(panels):
             panel.set_xlabel("time [s]")
-    handles, labels = panels[0].get_legend_handles_labels()
-    if own and isinstance(figure, Figure):
-        columns = 3 if figure.get_figwidth() < 7 else 5
-        figure.legend(handles, labels, loc="outside upper center", ncols=columns, frameon=False)
-    else:
-        panels[0].legend(fontsize="small", framealpha=0.9)
+    finish(panels, own)
 
 
 def _lowest(panels: Sequence[Axes]) -> list[Axes]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import itertools
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -117,21 +116,6 @@ def scenario_fields(data: xr.Dataset) -> dict[str, Any] | None:
     """Scenario fields of a recording by path; None where it keeps none.  InputError where they are no YAML."""
     yaml = data.attrs.get("scenario")
     return flat(read_mapping(str(yaml), "scenario of the recording")[0]) if yaml else None
-
-
-def number(value: Any) -> str:
-    """A value of a result as short text."""
-    if value is None or (isinstance(value, float) and math.isnan(value)):
-        return "–"
-    if isinstance(value, bool | np.bool_):
-        return "yes" if value else "no"
-    if isinstance(value, float | np.floating):
-        return f"{value:.4g}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(number, value)) + "]"
-    if isinstance(value, Mapping):
-        return ", ".join(f"{key} {number(item)}" for key, item in value.items())
-    return str(value)
 
 
 def _split(data: xr.Dataset, signal: str) -> list[Component]:

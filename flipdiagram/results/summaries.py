@@ -1,66 +1,119 @@
-"""summary.json of a study as xarray Datasets, with units."""
+"""summary.json of each study as xarray Datasets, with units: the `read` of its record."""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from flipdiagram.planning.plan import Plan
 from flipdiagram.results.signals import unit_of
 from flipdiagram.simulation.recording_files import load_recording
+from flipdiagram.studies.study import Summary
 
-Summary = Mapping[str, Any]
-OMITTED = ("architecture", "start_y_m", "plan")
-"""Entries of a run that are coordinates, or the same for all architectures."""
+OMITTED = ("start_y_m", "plan", "touchdown")
+"""Entries of a run that are coordinates, the same for all architectures, or spread out."""
+
+
+def plan(summary: Summary, folder: Path) -> Plan:
+    """The Plan that stands beside the summary."""
+    return Plan.load(folder / "plan.json")
 
 
 def turnover(summary: Summary, folder: Path) -> xr.Dataset:
     """The runs over (architecture, joint); the plan's numbers as attributes `plan_…`."""
-    runs = {(run["architecture"],): _run(run) for run in summary["runs"]}
-    files = (folder / str(run.get("recording")) for run in summary["runs"])
-    coords = {"architecture": [run["architecture"] for run in summary["runs"]]}
-    data = _table(runs, coords, files)
-    plan = {f"plan_{name}": v for name, v in summary["plan"].items() if isinstance(v, int | float | str)}
-    return data.assign_attrs({**_head(summary), **plan})
+    data = _runs(summary, {"architecture": "architecture"}, _recordings(summary, folder))
+    numbers = {f"plan_{name}": v for name, v in summary["plan"].items() if isinstance(v, int | float | str)}
+    return data.assign_attrs(numbers)
+
+
+def place(summary: Summary, folder: Path) -> xr.Dataset:
+    """The runs over `architecture`; the plan's numbers as attributes `plan_…`, and where the object should lie."""
+    return turnover(summary, folder).assign_attrs(target_y_m=summary["target_y_m"])
 
 
 def experiment(summary: Summary, folder: Path) -> xr.Dataset:
     """The runs over (architecture, start_y, joint), and the claims E1–E8 over `claim`."""
-    from flipdiagram.studies.experiment.run import recording_name  # brings half of Drake, which no other study needs
+    from flipdiagram.studies.experiment.run import recording_name  # brings half of Drake, as no other study does
 
-    coords = {"architecture": list(summary["architectures"]), "start_y": list(summary["starts_y_m"])}
-    runs = {(run["architecture"], run["start_y_m"]): _run(run) for run in summary["runs"]}
-    files = (folder / recording_name(y, name) for name, y in runs)
-    data = _table(runs, coords, files)
+    files = (folder / recording_name(run["start_y_m"], run["architecture"]) for run in summary["runs"])
+    data = _runs(summary, {"architecture": "architecture", "start_y": "start_y_m"}, files)
     data["start_y"].attrs["units"] = "m"
-    found = claims(summary["claims"]).rename({name: f"claim_{name}" for name in ("holds", "text", "measured")})
-    return xr.merge([data, found], join="outer", compat="no_conflicts").assign_attrs(_head(summary))
+    judged = claims(summary["claims"]).rename({name: f"claim_{name}" for name in ("holds", "text", "measured")})
+    return xr.merge([data, judged], join="outer", compat="no_conflicts").assign_attrs(data.attrs)
+
+
+def replanning(summary: Summary, folder: Path) -> xr.Dataset:
+    """The runs over (case, way, architecture, joint)."""
+    return _runs(summary, {name: name for name in ("case", "way", "architecture")})
+
+
+def campaign(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
+    """Rates, intervals and counts of how flips ended by architecture; 'pairs' of architectures; 'quantiles' of errors.
+
+    The single flips are in campaign.sqlite.
+    """
+    entries = summary["architectures"]
+    parts = {
+        "rates": _table({(name,): _counted(entry) for name, entry in entries.items()}, {"architecture": list(entries)})
+    }
+    if pairs := summary["pairs"]:
+        names = [f"{pair['first']} - {pair['second']}" for pair in pairs]
+        parts["pairs"] = _table({(name,): pair for name, pair in zip(names, pairs, strict=True)}, {"pair": names})
+    cells: dict[tuple[Any, ...], dict[str, Any]] = {}
+    for name, entry in entries.items():
+        for metric, values in entry["quantiles"].items():
+            for level, value in (values or {}).items():
+                cells.setdefault((name, float(level)), {})[metric] = value
+    if cells:
+        levels = sorted({level for _, level in cells})
+        parts["quantiles"] = _table(cells, {"architecture": list(entries), "level": levels})
+    return {name: data.assign_attrs(_head(summary)) for name, data in parts.items()}
+
+
+def tuning(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
+    """'rates' over (trials: search and held_out, gains: default and tuned); 'gains' over (field, gains)."""
+    sides = ["default", "tuned"]
+    cells = {(part, side): _counted(summary[part][side]) for part in ("search", "held_out") for side in sides}
+    values = [[entry[side] for side in sides] for entry in summary["gains"].values()]
+    gains = xr.Dataset(
+        {"value": (("field", "gains"), values)}, coords={"field": list(summary["gains"]), "gains": sides}
+    )
+    difference = {f"held_out_{name}": value for name, value in summary["held_out"]["difference"].items()}
+    rates = _table(cells, {"trials": ["search", "held_out"], "gains": sides})
+    return {"rates": rates.assign_attrs(_head(summary) | difference), "gains": gains.assign_attrs(_head(summary))}
+
+
+def _counted(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """The numbers of an entry, and how many flips ended how as `flips_…`."""
+    modes = {f"flips_{mode.replace(' ', '_')}": count for mode, count in entry["modes"].items()}
+    return {name: value for name, value in entry.items() if name not in ("modes", "quantiles")} | modes
 
 
 def borders(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
     """Each map over (architecture, its y, its x), by name; the table of solvers and estimates as 'variations'."""
-    found = {drawn["name"]: _map(drawn).assign_attrs(_head(summary)) for drawn in summary["maps"]}
+    parts = {a_map["name"]: _map(a_map).assign_attrs(_head(summary)) for a_map in summary["maps"]}
     rows = summary["variations"]
     if rows:
         names = list(rows[0]["runs"])
         cells = {(name, row["name"]): dict(row["runs"][name]) for name in names for row in rows}
         data = _table(cells, {"architecture": names, "variation": [row["name"] for row in rows]})
         groups = ("variation", [row["group"] for row in rows])
-        found["variations"] = data.assign_coords(group=groups).assign_attrs(_head(summary))
-    return found
+        parts["variations"] = data.assign_coords(group=groups).assign_attrs(_head(summary))
+    return parts
 
 
 def frequency(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
     """The curves of each figure over (curve, omega), the torques of '9' over (architecture, omega, g_dis), 'claims'."""
-    found = {}
+    parts = {}
     for figure in dict.fromkeys(curve["figure"] for curve in summary["curves"]):
         curves = [curve for curve in summary["curves"] if curve["figure"] == figure]
-        found[figure] = _curves(curves).assign_attrs({**_head(summary), "figure": figure})
+        parts[figure] = _curves(curves).assign_attrs({**_head(summary), "figure": figure})
     rows = summary["torque"]
     if rows:
         cutoffs = rows[0]["g_dis_rad_s"]
@@ -74,9 +127,9 @@ def frequency(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
             "omega": list(dict.fromkeys(row["omega_rad_s"] for row in rows)),
             "g_dis": list(cutoffs),
         }
-        found["9"] = _in_rad_s(_table(cells, coords)).assign_attrs({**_head(summary), "figure": "9"})
-    found["claims"] = claims(summary["claims"]).assign_attrs(_head(summary))
-    return found
+        parts["9"] = _in_rad_s(_table(cells, coords)).assign_attrs({**_head(summary), "figure": "9"})
+    parts["claims"] = claims(summary["claims"]).assign_attrs(_head(summary))
+    return parts
 
 
 def report(summary: Summary, folder: Path) -> xr.Dataset:
@@ -101,11 +154,23 @@ def _head(summary: Summary) -> dict[str, Any]:
     return {"schema": summary["schema"], **versions, "scenario": json.dumps(summary["scenario"])}
 
 
-def _run(run: Mapping[str, Any]) -> dict[str, Any]:
+def _runs(summary: Summary, dims: Mapping[str, str], files: Iterable[Path] = ()) -> xr.Dataset:
+    """The runs over their coordinates, which stand in the entries that `dims` names."""
+    cells = {tuple(run[entry] for entry in dims.values()): _numbers(run, dims.values()) for run in summary["runs"]}
+    coords = {name: list(dict.fromkeys(run[entry] for run in summary["runs"])) for name, entry in dims.items()}
+    return _table(cells, coords, files).assign_attrs(_head(summary))
+
+
+def _numbers(run: Mapping[str, Any], coords: Collection[str]) -> dict[str, Any]:
     """One run with plain entries: its touch-down spread out, what is a coordinate left out."""
-    flat = {name: value for name, value in run.items() if name not in (*OMITTED, "touchdown")}
     landed = run.get("touchdown") or {}
-    return flat | {f"touchdown_{name}": landed.get(name) for name in ("time_s", "y_m", "z_m", "theta_rad")}
+    spread = {f"touchdown_{name}": landed.get(name) for name in ("time_s", "y_m", "z_m", "theta_rad")}
+    kept = {name: value for name, value in run.items() if name not in (*OMITTED, *coords)}
+    return kept | ({} if "touchdown_time_s" in run else spread)
+
+
+def _recordings(summary: Summary, folder: Path) -> Iterable[Path]:
+    return (folder / str(run.get("recording")) for run in summary["runs"])
 
 
 def _table(
@@ -149,19 +214,19 @@ def _joints(files: Iterable[Path], count: int) -> list[str]:
     return [str(k + 1) for k in range(count)]
 
 
-def _map(drawn: Mapping[str, Any]) -> xr.Dataset:
-    (x, x_values, x_unit), (y, y_values, y_unit) = _axis(drawn["x"]), _axis(drawn["y"])
-    names = list(drawn["architectures"])
+def _map(a_map: Mapping[str, Any]) -> xr.Dataset:
+    (x, x_values, x_unit), (y, y_values, y_unit) = _axis(a_map["x"]), _axis(a_map["y"])
+    names = list(a_map["architectures"])
     cells = {
-        (name, y_value, x_value): {key: table[j][i] for key, table in drawn["architectures"][name].items()}
+        (name, y_value, x_value): {key: table[j][i] for key, table in a_map["architectures"][name].items()}
         for name in names
         for j, y_value in enumerate(y_values)
         for i, x_value in enumerate(x_values)
     }
     data = _table(cells, {"architecture": names, y: y_values, x: x_values})
-    data[x].attrs.update(units=x_unit, long_name=drawn["x"]["label"])
-    data[y].attrs.update(units=y_unit, long_name=drawn["y"]["label"])
-    return data.assign_attrs(title=drawn["title"], question=drawn["question"])
+    data[x].attrs.update(units=x_unit, long_name=a_map["x"]["label"])
+    data[y].attrs.update(units=y_unit, long_name=a_map["y"]["label"])
+    return data.assign_attrs(title=a_map["title"], question=a_map["question"])
 
 
 def _axis(axis: Mapping[str, Any]) -> tuple[str, list[Any], str]:
@@ -202,13 +267,3 @@ def _in_rad_s(data: xr.Dataset) -> xr.Dataset:
     for name in ("omega", "g_dis"):
         data[name].attrs["units"] = "rad/s"
     return data
-
-
-READERS: dict[str, Callable[[Summary, Path], xr.Dataset | dict[str, xr.Dataset]]] = {
-    "turnover": turnover,
-    "experiment": experiment,
-    "borders": borders,
-    "frequency": frequency,
-    "report": report,
-}
-"""By study."""

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.multibody.tree import BodyIndex, RevoluteJoint
@@ -12,8 +11,7 @@ from flipdiagram.arrays import Floats
 from flipdiagram.robot.arm import ArmModel
 
 
-@dataclass(frozen=True)
-class SerialChain:
+class SerialChain(NamedTuple):
     """Joints and links at q = 0, in the order of the arm's joints, all in the base frame [m, kg, rad].
 
     Joint i turns about `axes[i]` through `points[i]`; what it carries as far as the next joint has the mass `mass[i]`

@@ -16,7 +16,7 @@ from flipdiagram.cli import main as cli
 from flipdiagram.errors import PlanningError, SimulationError
 from flipdiagram.scenario.scenario import Scenario, from_yaml
 
-COMMAND = [sys.executable, "-m", "flipdiagram.cli.main"]
+COMMAND = [sys.executable, "-m", "flipdiagram"]
 
 
 def run(*arguments, **settings):

@@ -29,7 +29,7 @@ def saturated() -> CompiledDiagram:
 
 def test_channels_equal_separate_runs_bit_for_bit(axis):
     together = axis.run(400, parameters=GAINS, inputs=COMMANDS, threads=2)
-    assert together.final.shape == (N, axis.state_size)
+    assert together.final.shape == (N, len(axis.state_names))
     assert len(np.unique(together.state["plant"][:, 0])) == N
     for c in range(N):
         alone = axis.run(400, parameters={name: v[c : c + 1] for name, v in GAINS.items()}, inputs=COMMANDS)

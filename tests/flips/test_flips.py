@@ -289,7 +289,7 @@ def test_a_bad_input_that_only_the_planner_sees_ends_the_run(tmp_path, monkeypat
 COMMAND = [
     sys.executable,
     "-m",
-    "flipdiagram.cli.main",
+    "flipdiagram",
     "experiment",
     "--starts",
     "0",

@@ -1,6 +1,7 @@
 """The condensed program against HorizonProgram with Clarabel, and against the optimality conditions themselves."""
 
 import sys
+from dataclasses import replace
 from unittest.mock import patch
 
 import numpy as np
@@ -9,14 +10,14 @@ from pydrake.solvers import ClarabelSolver, MathematicalProgram
 from scipy.optimize import nnls
 
 from flipdiagram.errors import InputError
-from flipdiagram.planning import Planner, active_set
+from flipdiagram.planning import Planner, dense
 from flipdiagram.planning.condensed import CondensedProgram, unit_smoothing_basis
 from flipdiagram.planning.convexification import GROUPS, Convexification
 from flipdiagram.planning.engines import make_program
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.model import flight
 from flipdiagram.planning.program import HorizonProgram
-from flipdiagram.planning.rows import Rows
+from flipdiagram.planning.rows import Rows, part
 
 LEVER = 0.05
 
@@ -59,14 +60,6 @@ def reference(planner):
     return build(planner, "clarabel")
 
 
-def copy_of(rows):
-    other = Rows()
-    other.__dict__.update(
-        {name: value.copy() if isinstance(value, list) else value for name, value in rows.__dict__.items()}
-    )
-    return other
-
-
 def objective(planner, w, n_flight):
     """J of eq. (5) plus smoothing."""
     settings, layout = planner.scenario.planner, planner.horizons.layout
@@ -104,9 +97,8 @@ def test_programs_with_random_numbers_have_the_same_solution_or_none(planner, li
         velocity = rng.normal(scale=[0.1, 0.1, 0.3])
         start = start + np.append(rng.normal(scale=[0.005, 0.005, 0.02]), velocity)
         start[:3] -= (layout.release - n_contact) * 0.02 * velocity  # it waits in motion
-        moved = copy_of(rows)
-        amount = rng.choice([0.05, -0.02, -0.3])  # wider or tighter
-        moved._upper = [upper + amount * np.abs(rng.normal(size=upper.shape)) for upper in rows._upper]
+        wider = rng.choice([0.05, -0.02, -0.3]) * np.abs(rng.normal(size=rows.count))
+        moved = replace(rows, upper=rows.upper + wider, slack=rows.slack + wider)
         near, trust = near + rng.normal(scale=0.002, size=3), rng.choice([1.0, 0.5])
         for program in (condensed, reference):
             program.update(start, n_contact, n_flight, landing, moved, near, trust)
@@ -144,7 +136,7 @@ def test_the_solution_meets_the_optimality_conditions(planner, linearisations, c
     offset = motion(arguments, layout, np.zeros(unit.size))
     m = np.column_stack([motion(arguments, layout, way * unit) - offset for way in np.eye(unit.size)])
     samples = np.arange(layout.release - n_contact + 1, layout.intervals + 1)
-    theta, (a, upper) = layout.x(samples, 2), rows.matrix(layout.size)
+    theta, a, upper = layout.x(samples, 2), rows.matrix(layout.size), rows.upper
     matrix = np.vstack([a @ m, m[theta], -m[theta]])
     limit = np.concatenate(
         [upper - a @ offset, near[samples, 2] + trust - offset[theta], trust - near[samples, 2] + offset[theta]]
@@ -180,11 +172,13 @@ def test_the_linearisation_point_as_guess_saves_iterations_when_it_is_near(linea
     condensed.update(*linearisations[-1])
     solution = condensed.solve()
     start, *middle, near, _ = linearisations[-1]
+    *middle, rows = middle
     states = condensed.layout.unpack(solution.w)[0]
-    condensed.update(start, *middle, states[:, :3], 1.0)
+    condensed.update(start, *middle, replace(rows, slack=rows.left(solution.w)), states[:, :3], 1.0)
     again = condensed.solve()
     np.testing.assert_allclose(again.w, solution.w, atol=1e-7)
-    condensed.update(start, *middle, states[:, :3] + [0.0, 0.0, 0.3], 1.3)  # far off
+    astray = np.random.default_rng(0).permutation(rows.slack)  # nearness that is none
+    condensed.update(start, *middle, replace(rows, slack=astray), states[:, :3] + [0.0, 0.0, 0.3], 1.3)
     astray = condensed.solve()
     np.testing.assert_allclose(astray.w, solution.w, atol=1e-7)
     assert again.iterations < astray.iterations / 2
@@ -193,9 +187,16 @@ def test_the_linearisation_point_as_guess_saves_iterations_when_it_is_near(linea
 def test_what_cannot_be_met_ends_without_a_solution(linearisations, condensed, reference):
     start, n_contact, n_flight, landing, rows, near, trust = linearisations[-1]
     layout = condensed.layout
-    for columns, bound in (([(layout.x(layout.release, 2), 1.0)], 1.0), ([(layout.x(0, 1), 1.0)], start[1] - 0.01)):
-        impossible = copy_of(rows)
-        impossible.add("release angle", columns, [bound])  # below that of the release; below the start
+    for column, bound in ((layout.x(layout.release, 2), 1.0), (layout.x(0, 1), start[1] - 0.01)):
+        # below that of the release; below the start
+        more = Rows.about(
+            np.zeros(layout.size), [part("release angle", column.reshape(1, 1), -np.ones((1, 1)), np.array([bound]))]
+        )
+        both = {
+            name: np.concatenate([getattr(rows, name), getattr(more, name)])
+            for name in ("columns", "values", "upper", "slack")
+        }
+        impossible = replace(rows, rows=np.append(rows.rows, rows.count), groups=rows.groups + more.groups, **both)
         for program in (condensed, reference):
             program.update(start, n_contact, n_flight, landing, impossible, near, trust)
         found, expected = condensed.solve(), reference.solve()
@@ -227,7 +228,7 @@ def test_a_dense_program_is_solved_whatever_the_guess_says(seed):
     prog.AddLinearConstraint(A[:-1], low[:-1], high[:-1], v)
     result = ClarabelSolver().Solve(prog)
     for slack in (high - inside, rng.normal(size=m), np.zeros(m), np.full(m, np.nan)):
-        found = active_set.minimise(f, A, low, high, equalities, slack)
+        found = dense.minimise(dense.DenseProgram(f, A, low, high, equalities, slack, np.linalg.norm(A, axis=1)))
         assert found.success
         np.testing.assert_allclose(found.v, result.GetSolution(v), atol=1e-4)
         np.testing.assert_allclose(found.v + f + A.T @ found.multipliers, 0, atol=1e-9)
@@ -256,7 +257,7 @@ def test_the_engine_is_chosen_by_name(planner, monkeypatch):
     assert isinstance(make_program(*arguments, "osqp"), HorizonProgram)
     assert isinstance(make_program(*arguments, "daqp", GROUPS), HorizonProgram)
     monkeypatch.setitem(sys.modules, "daqp", None)
-    active_set.load_daqp.cache_clear()
+    dense.load_daqp.cache_clear()
     with pytest.raises(
         InputError, match=r"'planner.solver' = 'daqp' needs .* pip install 'flipdiagram\[fast\]'"
     ) as error:

@@ -15,7 +15,7 @@ from planar import blade, block, flown, placed
 from flipdiagram.planning import constraints
 from flipdiagram.planning.constraints import Geometry, Trajectory
 from flipdiagram.planning.horizon import Layout
-from flipdiagram.planning.rows import Rows
+from flipdiagram.planning.rows import Linearisation, Rows, part
 from flipdiagram.robot.model_files import box_inertia
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.theory import contact
@@ -39,22 +39,25 @@ def trajectories(draw):
     return Trajectory(states, inputs, draw(st.integers(2, R)), draw(st.integers(1, 8)), DT)
 
 
-def packed(point: Trajectory) -> np.ndarray:
-    return np.concatenate([np.hstack([point.states[:-1], point.inputs]).ravel(), point.states[-1]])
-
-
 def unpacked(w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     body = w[: 9 * N].reshape(N, 9)
     return np.vstack([body[:, :6], w[9 * N :]]), body[:, 6:]
 
 
-def agree(build, point: Trajectory, truths: dict[str, Truth]) -> None:
-    """The rows of each group are the linearisation of its truth(states, inputs) ≥ 0, and there are no others."""
-    rows = Rows()
-    build(rows, LAYOUT, point, SCENARIO)
-    a, b = rows.matrix(LAYOUT.size)
-    groups, w = np.array(rows.groups()), packed(point)
+def agree(constraints_, point: Trajectory, truths: dict[str, Truth]) -> None:
+    """The rows of each group are the linearisation of its truth(states, inputs) ≥ 0, and there are no others.
+
+    Of the laws as NumPy evaluates them; what numba makes of the same lines differs by rounding only.
+    """
+    w = LAYOUT.pack(point.states, point.inputs)
+    rows, machine = (Rows.about(w, [Linearisation(constraints_, native).at(w)]) for native in (False, True))
+    np.testing.assert_allclose(machine.values, rows.values, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(machine.slack, rows.slack, rtol=1e-12, atol=1e-12)
+    a, b = rows.matrix(LAYOUT.size), rows.upper
+    groups = np.array(rows.names())
     assert set(groups) == set(truths)
+    np.testing.assert_allclose(rows.slack, b - a @ w, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(rows.left(w), rows.slack, rtol=1e-9, atol=1e-9)
     rng = np.random.default_rng(1)
     for group, truth in truths.items():
         of_group = groups == group
@@ -65,6 +68,11 @@ def agree(build, point: Trajectory, truths: dict[str, Truth]) -> None:
             way, step = rng.normal(size=w.size), 1e-6
             slope = (truth(*unpacked(w + step * way)) - truth(*unpacked(w - step * way))) / (2 * step)
             np.testing.assert_allclose(-(a @ way)[of_group][by_row], slope[by_truth], rtol=1e-5, atol=1e-5)
+
+
+def moving(point: Trajectory):
+    """Samples after the departure."""
+    return np.arange(R - point.n_contact + 1, N + 1)
 
 
 def both_ends(point: Trajectory, states, inputs):
@@ -97,8 +105,9 @@ def test_contact_is_kept_at_both_ends_of_every_interval(point):
         off = np.where(np.isnan(off), torque, off)
         return np.concatenate([force - off, force + off])
 
+    k = np.arange(R - point.n_contact, R)
     agree(
-        constraints.contact_rows,
+        constraints.contact(LAYOUT, SCENARIO, k) + constraints.release(LAYOUT, SCENARIO),
         point,
         {
             constraints.FRICTION: friction,
@@ -116,20 +125,24 @@ def test_the_object_stays_in_the_workspace_once_it_moves(point):
         low, high = np.transpose([SCENARIO.task.workspace_y, SCENARIO.task.workspace_z])
         return np.concatenate([moving - low, high - moving]).ravel()
 
-    agree(constraints.workspace_rows, point, {constraints.WORKSPACE: inside})
+    agree(constraints.workspace(LAYOUT, SCENARIO, moving(point)), point, {constraints.WORKSPACE: inside})
 
 
-@given(point=trajectories())
-def test_corners_of_blade_and_carried_block_stay_above_the_table(point):
+@given(point=trajectories(), shift=st.sampled_from([0.0, 0.01]))
+def test_in_a_horizon_corners_of_blade_and_block_stay_above_the_table(point, shift):
+    """The blade's and the carried block's at some clearance, the flying block's at least; shift: the block's on the blade."""
     floor = SCENARIO.table.height + PLANNER.table_clearance
     first = R - point.n_contact + 1
 
     def above(states, _):
         tool, carrying = states[first:, :3], states[first : R + 1, :3]
-        upper = block(SCENARIO)[2:]
-        return np.concatenate([placed(blade(SCENARIO), tool), placed(upper, carrying)], axis=None)[1::2] - floor
+        lower, upper = blade(SCENARIO) - [shift, 0.0], block(SCENARIO)[2:]
+        carried = np.concatenate([placed(lower, tool), placed(upper, carrying)], axis=None)[1::2] - floor
+        pose = flown(states[R], np.arange(1, point.n_flight) * DT)
+        return np.append(carried, placed(block(SCENARIO), pose)[..., 1].ravel() - SCENARIO.table.height)
 
-    agree(constraints.clearance_rows, point, {constraints.CLEARANCE: above})
+    horizon = constraints.of_horizon(LAYOUT, SCENARIO, point.n_contact, point.n_flight, shift)
+    agree([c for c in horizon if c.group == constraints.CLEARANCE], point, {constraints.CLEARANCE: above})
 
 
 @given(theta=st.floats(-7, 7))
@@ -159,7 +172,7 @@ def test_released_block_and_blade_part(point):
     def apart(states, _):
         return (distance_from_blade(point, states, last) - wanted[:, None]).ravel()
 
-    agree(constraints.separation_rows, point, {constraints.SEPARATION: apart})
+    agree(constraints.separation(LAYOUT, SCENARIO, point.n_flight), point, {constraints.SEPARATION: apart})
 
 
 @given(point=trajectories().filter(lambda p: p.n_flight > 1))
@@ -168,7 +181,7 @@ def test_no_corner_touches_down_before_its_sample(point):
         pose = flown(states[R], np.arange(1, point.n_flight) * DT)
         return placed(block(SCENARIO), pose)[..., 1].ravel() - SCENARIO.table.height
 
-    agree(constraints.flight_rows, point, {constraints.CLEARANCE: above})
+    agree(constraints.in_flight(LAYOUT, SCENARIO, point.n_flight), point, {constraints.CLEARANCE: above})
 
 
 @given(point=trajectories())
@@ -212,17 +225,10 @@ def test_gyration_is_that_of_a_homogeneous_box():
 @pytest.mark.parametrize("n_contact", [3, 4])
 def test_what_is_before_the_departure_enters_no_row(n_contact):
     point = Trajectory(np.zeros((N + 1, 6)), np.zeros((N, 3)), n_contact, 2, DT)
-    rows = Rows()
-    for build in (
-        constraints.contact_rows,
-        constraints.workspace_rows,
-        constraints.clearance_rows,
-        constraints.separation_rows,
-        constraints.flight_rows,
-    ):
-        build(rows, LAYOUT, point, SCENARIO)
+    w = LAYOUT.pack(point.states, point.inputs)
+    rows = Rows.about(w, [Linearisation(constraints.of_horizon(LAYOUT, SCENARIO, n_contact, 2)).at(w)])
     departure = 9 * (R - n_contact)
-    assert rows.matrix(LAYOUT.size)[0][:, :departure].nnz == 0
+    assert rows.matrix(LAYOUT.size)[:, :departure].nnz == 0
 
 
 @pytest.mark.parametrize("sample", [0, 3, N])
@@ -237,12 +243,19 @@ def test_layout_finds_states_and_inputs_where_they_stand(sample):
         assert [w[LAYOUT.u(sample, c)] for c in range(3)] == inputs[sample].tolist()
 
 
-def test_rows_add_up_batches_and_remember_their_groups():
-    rows = Rows()
-    rows.add("two", [(np.array([0, 1]), 2.0), (3, np.array([5.0, 7.0]))], [1.0, 2.0])
-    rows.add("one", [(0, 1.0), (0, 0.5)], [4.0])  # the same column twice adds up
-    a, b = rows.matrix(4)
-    np.testing.assert_array_equal(a.toarray(), [[2, 0, 0, 5], [0, 2, 0, 7], [1.5, 0, 0, 0]])
-    np.testing.assert_array_equal(b, [1, 2, 4])
-    assert rows.groups() == ["two", "two", "one"]
-    assert Rows().matrix(4)[0].shape == (0, 4)
+def test_rows_are_margins_and_slopes_about_a_point_and_remember_their_groups():
+    w = np.array([1.0, 2.0, 3.0, 4.0])
+    two = part("two", np.array([[0, 1], [3, 3]]), np.array([[2.0, 2.0], [5.0, 7.0]]), np.array([0.5, -1.0]))
+    one = part("one", np.array([[0], [0]]), np.array([[1.0], [0.5]]), np.array([4.0]))  # a column twice adds up
+    rows = Rows.about(w, [two, one])
+    a = [[-2, 0, 0, -5], [0, -2, 0, -7], [-1.5, 0, 0, 0]]
+    np.testing.assert_array_equal(rows.matrix(4).toarray(), a)
+    np.testing.assert_array_equal(rows.upper, np.array([0.5, -1.0, 4.0]) + a @ w)
+    np.testing.assert_array_equal(rows.slack, [0.5, -1.0, 4.0])
+    assert rows.names() == ["two", "two", "one"] and rows.count == 3
+    assert rows.excess(w) == 1.0 and rows.excess(w + [0.0, 1.0, 0.0, 1.0]) == 0.0
+
+
+def test_a_decision_vector_is_packed_as_it_is_unpacked():
+    w = np.arange(LAYOUT.size, dtype=float)
+    np.testing.assert_array_equal(LAYOUT.pack(*LAYOUT.unpack(w)), w)

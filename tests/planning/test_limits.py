@@ -5,6 +5,7 @@ import pytest
 
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import limits
+from flipdiagram.planning.arm_motion import ArmMotion, arm_motion
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.limits import POSITION, SPEED, TORQUE, Allowed
 from flipdiagram.planning.rows import Rows
@@ -41,7 +42,7 @@ def joints(arm: ArmModel, state, acceleration, q_near):
 @pytest.mark.parametrize("seed", SEEDS)
 def test_joint_motion_is_what_the_arm_says(arm, seed):
     states, inputs, q_start = random_motion(arm, seed)
-    motion = limits.joint_motion(arm, states, inputs, X, q_start)
+    motion = ArmMotion(arm, X).follow(states, inputs, q_start)
     for k in range(len(inputs)):
         for end in (0, 1):
             q, qd, tau = joints(arm, states[k + end], inputs[k], motion.q[k + end])
@@ -52,10 +53,12 @@ def test_joint_motion_is_what_the_arm_says(arm, seed):
             np.testing.assert_allclose(motion.torque[end, k], tau, atol=1e-5)
 
 
+@pytest.mark.parametrize("native", [False, True], ids=["plant", "chain"])
 @pytest.mark.parametrize("seed", SEEDS)
-def test_rows_are_the_linearised_limits_of_the_joints_near_them(arm, seed):
+def test_rows_are_the_linearised_limits_of_the_joints_near_them(arm, seed, native):
     states, inputs, q_start = random_motion(arm, seed)
-    motion = limits.joint_motion(arm, states, inputs, X, q_start)
+    mover = arm_motion(arm, X, native)
+    motion = mover.follow(states, inputs, q_start)
     # limits of which this motion uses 20 to 120 %: some joints are near, some are not
     rng = np.random.default_rng(100 + seed)
     middle = (arm.q_min + arm.q_max) / 2
@@ -65,14 +68,14 @@ def test_rows_are_the_linearised_limits_of_the_joints_near_them(arm, seed):
         speed=np.abs(motion.qd).max(axis=0) / rng.uniform(0.2, 1.2, 6),
         torque=np.abs(motion.torque).max(axis=(0, 1)) / rng.uniform(0.2, 1.2, 6),
     )
-    rows = Rows()
-    limits.joint_rows(rows, LAYOUT, motion, states, inputs, arm, allowed, FIRST)
-    a, b = rows.matrix(LAYOUT.size)
-    groups = np.array(rows.groups())
 
     def packed(states, inputs):
         waiting = np.zeros(9 * FIRST)
         return np.concatenate([waiting, np.hstack([states[:-1], inputs]).ravel(), states[-1]])
+
+    parts = limits.joint_rows(LAYOUT, motion, (states, inputs), mover, allowed, FIRST)
+    rows = Rows.about(packed(states, inputs), parts)
+    a, b, groups = rows.matrix(LAYOUT.size), rows.upper, np.array(rows.names())
 
     def margins(states, inputs):
         """1 − use of what is allowed, per group; which rows there are is decided at the linearisation point."""
@@ -128,15 +131,28 @@ def test_rows_keep_to_the_allowed_shares_of_the_limits(arm):
 def test_an_arm_at_rest_needs_no_speed_rows(arm):
     states, inputs = np.tile([0, 0.35, 0, 0, 0, 0.0], (5, 1)), np.zeros((4, 3))
     q = arm.inverse_kinematics(limits.task_pose(states[0], X))
-    motion = limits.joint_motion(arm, states, inputs, X, q)
+    motion = ArmMotion(arm, X).follow(states, inputs, q)
     np.testing.assert_allclose(motion.torque[0], np.tile(arm.gravity_torque(q), (4, 1)), atol=1e-9)
-    rows = Rows()
-    limits.joint_rows(rows, LAYOUT, motion, states, inputs, arm, Allowed.of(arm, Scenario()), FIRST)
-    assert SPEED not in rows.groups() and TORQUE not in rows.groups()
+    parts = limits.joint_rows(LAYOUT, motion, (states, inputs), ArmMotion(arm, X), Allowed.of(arm, Scenario()), FIRST)
+    assert {name for each in parts for name, _ in each.groups} == {POSITION}
     uses = limits.limit_use(motion, arm)
     np.testing.assert_allclose(uses[SPEED], 0, atol=1e-12)
     np.testing.assert_allclose(uses[TORQUE], np.abs(arm.gravity_torque(q)) / arm.tau_max, atol=1e-9)
     np.testing.assert_allclose(uses[POSITION] * (arm.q_max - arm.q_min) / 2, np.abs(q - (arm.q_min + arm.q_max) / 2))
+
+
+def test_a_start_in_motion_has_no_rows_of_its_own_position_and_speed(arm):
+    states, inputs, q_start = random_motion(arm, 0)
+    mover = arm_motion(arm, X, native=True)
+    motion, tight = mover.follow(states, inputs, q_start), np.full(6, 1e-9)
+    allowed = Allowed(np.full(6, 9.0), np.full(6, 1e-3), tight, np.full(6, np.inf))
+    counts = []
+    for given_start in (False, True):
+        parts = limits.joint_rows(LAYOUT, motion, (states, inputs), mover, allowed, FIRST, given_start)
+        columns = np.concatenate([each.columns for each in parts])
+        assert columns.min() == 9 * (FIRST + given_start)
+        counts.append(sum(each.margin.size for each in parts))
+    assert counts[0] - counts[1] == 6 * 3  # both sides of each position, and each speed
 
 
 def test_limit_use_names_the_worst_sample_of_each_joint(arm):
@@ -156,4 +172,4 @@ def test_a_motion_out_of_reach_raises(arm):
     q = arm.inverse_kinematics(limits.task_pose(states[0], X))
     states[1:, 1] = 1.5
     with pytest.raises(PlanningError, match="cannot follow the path at sample 1"):
-        limits.joint_motion(arm, states, np.zeros((2, 3)), X, q)
+        ArmMotion(arm, X).follow(states, np.zeros((2, 3)), q)

@@ -11,6 +11,7 @@ from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoD
 from pydrake.solvers import MathematicalProgram, SnoptSolver
 
 from flipdiagram.planning import limits
+from flipdiagram.planning.arm_motion import ArmMotion
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.rows import Rows
 
@@ -112,19 +113,17 @@ class Problem:
     def joint_rows(self, arm, w):
         """Rows a · w ≤ b of the joint limits, linearised about w."""
         states, inputs = self.motion(w)
-        x, q = (
-            self.scenario.task.start_x,
-            arm.inverse_kinematics(limits.task_pose(states[0], self.scenario.task.start_x)),
-        )
-        motion = limits.joint_motion(arm, states, inputs, x, q)
-        rows, layout = Rows(), Layout(self.plan.n_contact, self.plan.n_brake)
-        limits.joint_rows(rows, layout, motion, states, inputs, arm, limits.Allowed.of(arm, self.scenario))
+        x, layout = self.scenario.task.start_x, Layout(self.plan.n_contact, self.plan.n_brake)
+        mover, q = ArmMotion(arm, x), arm.inverse_kinematics(limits.task_pose(states[0], x))
+        motion, allowed = mover.follow(states, inputs, q), limits.Allowed.of(arm, self.scenario)
+        parts = limits.joint_rows(layout, motion, (states, inputs), mover, allowed)
 
         def decision(w):
             states, inputs = self.motion(w)
             return np.concatenate([np.hstack([states[:-1], inputs]).ravel(), states[-1]])
 
-        a, b = rows.matrix(layout.size)
+        rows = Rows.about(decision(w), parts)
+        a, b = rows.matrix(layout.size), rows.upper
         offset = decision(np.zeros(w.size))
         return a @ np.column_stack([decision(way) - offset for way in np.eye(w.size)]), b - a @ offset
 

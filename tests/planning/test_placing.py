@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from flipdiagram.errors import PlanningError
+from flipdiagram.planning.constraints import bound_law
 from flipdiagram.planning.placing import Placer
-from flipdiagram.planning.rows import Rows
+from flipdiagram.planning.rows import Constraint
 from flipdiagram.planning.segment import SegmentProgram
 from flipdiagram.planning.slide import Slide, tilt_for
 from flipdiagram.robot.parts import arm_of
@@ -49,10 +50,16 @@ def test_below_the_friction_angle_nothing_slides():
         Slide(np.radians(30), 1.0, 0.02)
 
 
+def at_most(layout, speed):
+    """v_y ≤ speed [m/s] at all samples between the rests."""
+    return [Constraint.of("speed", bound_law, [layout.x(np.arange(1, layout.intervals), 3)], -1.0, -speed)]
+
+
 def test_a_free_segment_is_the_smoothest_motion():
     """Min Σ|Δu|² from rest to rest; with many samples it tends to the closed form with least jerk and free ends of a."""
     n, dt = 100, 0.005
-    states, inputs = SegmentProgram(n, dt).plan(np.zeros(3), np.array([0.2, 0.0, 0.0]), lambda *_: None)
+    program = SegmentProgram(n, dt)
+    states, inputs = program.plan(np.zeros(3), np.array([0.2, 0.0, 0.0]), at_most(program.layout, 99.0))
     t = np.linspace(0, 1, n + 1)
     smooth = 0.2 * (
         10 * t**3 - 15 * t**4 + 6 * t**5
@@ -63,11 +70,8 @@ def test_a_free_segment_is_the_smoothest_motion():
 
 
 def test_a_segment_keeps_its_rows_or_says_that_it_cannot():
-    def ceiling(rows: Rows, layout, point):
-        k = np.arange(1, layout.intervals)
-        rows.add("speed", [(layout.x(k, 3), 1.0)], np.full(k.size, 0.5))
-
     program = SegmentProgram(50, 0.01)
+    ceiling = at_most(program.layout, 0.5)
     states, _ = program.plan(np.zeros(3), np.array([0.2, 0.0, 0.0]), ceiling)
     assert states[:, 3].max() == pytest.approx(0.5, abs=1e-4)
     with pytest.raises(PlanningError, match="no motion in 0.50 s"):

@@ -11,7 +11,6 @@ from planar import G, blade, block, flown, gap, placed, polar
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import Plan, Planner, constraints, convexification, plan_motion
 from flipdiagram.planning.limits import POSITION, SPEED, TORQUE
-from flipdiagram.planning.rows import Rows
 from flipdiagram.scenario.scenario import Scenario
 
 
@@ -105,21 +104,21 @@ def test_at_the_edge_of_what_the_arm_can_do_all_constraints_hold(overrides):
 
 
 def test_every_kind_of_constraint_enters_the_program(planner, plan):
-    """Rows of the whole horizon per group: what the builders of constraints.py give, and joint rows where near a limit."""
-    horizons, scenario = planner.horizons, planner.scenario
-    point = horizons.guess(plan.n_contact, plan.n_flight)
-    expected = Rows()
-    for build in (
-        constraints.contact_rows,
-        constraints.workspace_rows,
-        constraints.clearance_rows,
-        constraints.separation_rows,
-        constraints.flight_rows,
-    ):
-        build(expected, horizons.layout, point, scenario)
-    found = Counter(horizons.rows(point)[0].groups())
+    """Rows of the whole horizon per group, as counted by hand, and joint rows where near a limit."""
+    horizons, (n, flight) = planner.horizons, (plan.n_contact, plan.n_flight)
+    found = Counter(horizons.rows(horizons.guess(n, flight))[0].names())
     joints = {kind: found.pop(kind, 0) for kind in (POSITION, SPEED, TORQUE)}
-    assert found == Counter(expected.groups()) and {*found, *joints} == set(convexification.GROUPS)
+    moving = n + plan.n_brake
+    assert found == {
+        constraints.NORMAL: 2 * n,
+        constraints.FRICTION: 4 * n,
+        constraints.SUPPORT: 4 * n,
+        constraints.RELEASE: 1,
+        constraints.WORKSPACE: 4 * moving,
+        constraints.CLEARANCE: 4 * moving + 2 * n + 4 * (flight - 1),
+        constraints.SEPARATION: 2 * max(plan.n_brake, flight),
+    }
+    assert {*found, *joints} == set(convexification.GROUPS)
     assert joints[POSITION] > 0 and joints[SPEED] > 0
 
 

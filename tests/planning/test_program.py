@@ -13,7 +13,7 @@ from flipdiagram.planning.convexification import GROUPS
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.model import LandingCost
 from flipdiagram.planning.program import HorizonProgram, make_solver
-from flipdiagram.planning.rows import Rows
+from flipdiagram.planning.rows import Rows, part
 
 G, LEVER = 9.81, 0.05
 TRUST = 0.05  # so little that it binds
@@ -83,7 +83,7 @@ def from_scratch(planner, arguments):
     variables = prog.NewContinuousVariables(unit.size)
     square, offset = affine(residuals)
     prog.AddQuadraticCost(2 * square.T @ square, 2 * square.T @ offset, float(offset @ offset), variables)
-    a, b = rows.matrix(layout.size)
+    a, b = rows.matrix(layout.size), rows.upper
     m, c = affine(lambda s, u: np.concatenate([np.hstack([s[:-1], u]).ravel(), s[-1]]))
     prog.AddLinearConstraint(a @ m, np.full(len(b), -np.inf), b - a @ c, variables)
     m, c = affine(lambda s, u: np.append(s[-1, 3:], row @ s[layout.release] - bound))
@@ -137,7 +137,7 @@ def test_eq_2_start_waiting_rest_and_trust_hold_in_the_solution(planner, elsewhe
     np.testing.assert_allclose(states[-1, 3:], 0, atol=1e-8)
     moved = np.abs(states[waiting + 1 :, :3] - elsewhere.states[waiting + 1 :, :3]).max(axis=0)
     np.testing.assert_allclose(moved, [TRUST / 2, TRUST / 2, TRUST], rtol=1e-5)  # as far as it may
-    a, b = arguments[4].matrix(program.layout.size)
+    a, b = arguments[4].matrix(program.layout.size), arguments[4].upper
     assert np.max(a @ solution.w - b) <= solution.residual + 1e-15
 
 
@@ -164,10 +164,13 @@ def test_the_elastic_program_solves_a_feasible_one_without_slack(planner, elsewh
 @pytest.mark.parametrize("group", ["first", "second"])
 def test_the_elastic_program_names_the_group_that_was_made_impossible(group):
     layout, start = Layout(6, 4), np.array([0.0, 0.35, 0, 0, 0, 0])
-    rows = Rows()
-    for name in ("first", "second"):
-        rows.add(name, [(layout.x(6, 2), -1.0)], [-0.2])  # θ ≥ 0.2 at the release: easy
-    rows.add(group, [(layout.x(0, 1), 1.0)], [0.25])  # the start 0.1 m lower than it is: impossible
+    # θ ≥ 0.2 at the release: easy; the start 0.1 m lower than it is: impossible
+    asked = [("first", 6, 2, 1.0, -0.2), ("second", 6, 2, 1.0, -0.2), (group, 0, 1, -1.0, 0.25)]
+    parts = [
+        part(name, layout.x(sample, component).reshape(1, 1), np.array([[slope]]), np.array([margin]))
+        for name, sample, component, slope, margin in asked
+    ]
+    rows = Rows.about(np.zeros(layout.size), parts)
     landing = np.array([0.0, 1, 0, 0, 0.04, 0]), 0.2 + G * 0.04**2 / 2
     arguments = (start, 6, 2, landing, rows, np.tile(start[:3], (11, 1)), 1.0)
     plain, elastic = (
@@ -180,6 +183,11 @@ def test_the_elastic_program_names_the_group_that_was_made_impossible(group):
     assert solution.success
     assert solution.slack[group] == pytest.approx(0.1, abs=1e-6)
     assert sum(solution.slack.values()) == pytest.approx(0.1, abs=1e-6)
+
+
+def test_a_program_without_numbers_says_so(planner):
+    with pytest.raises(ValueError, match="update"):
+        build(planner).solve()
 
 
 def test_a_solver_that_is_not_there_is_named_with_those_that_are():

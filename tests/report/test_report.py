@@ -1,14 +1,16 @@
 """The report from small summaries made by hand: every claim and number is there, and the page needs no other file."""
 
-import importlib
 import json
 import re
+from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from matplotlib.figure import Figure
 
 from flipdiagram.files import write_summary
 from flipdiagram.grid import Grid
+from flipdiagram.report import report
 from flipdiagram.report.claims import all_claims, claims_grid
 from flipdiagram.report.findings import border_sentences, fragile_sentence, kind_of, lead_sentence
 from flipdiagram.report.html import self_contained
@@ -16,8 +18,8 @@ from flipdiagram.report.pages import EXPERIMENT_FIGURES, FREQUENCY_FIGURES, PLAC
 from flipdiagram.report.sources import NOT_ASSUMED, model_grid, scenario_grid
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, field_paths
 from flipdiagram.studies.frequency.tables import FIGURES
+from flipdiagram.studies.registry import STUDIES
 
-report = importlib.import_module("flipdiagram.report.report")
 MEASURED = {
     "C1": {"gain_at_lowest": 1.0, "bandwidth_rad_s": 74.75},
     "C2": {"pd_rad_s": 74.75, "pd+dob_rad_s": 87.77},
@@ -158,23 +160,35 @@ def written(tmp_path, monkeypatch):
     """write(quick): the report of these summaries, its studies replaced by their files."""
     figure = Figure(figsize=(0.2, 0.2))
 
-    def study(name, made, pictures):
-        def run(scenario, out, *rest):
-            out.mkdir(parents=True, exist_ok=True)
-            for picture in pictures:
+    def made_up(name, body, pictures):
+        def run(scenario, out, *, progress, **asked):
+            assert asked.keys() <= {"quick", "jobs"}
+            progress("running")
+            write_summary(out / "summary.json", name, scenario, body())
+
+        def draw(summary, out, **asked):
+            for picture, _ in pictures:
                 figure.savefig(out / f"{picture}.png")
-            return json.loads(write_summary(out / "summary.json", name, scenario, made()).read_text())
 
-        return run
+        return replace(STUDIES[name], run=run, figures=draw)
 
-    monkeypatch.setattr(report, "_frequency", study("frequency", frequency, [name for name, _ in FREQUENCY_FIGURES]))
-    monkeypatch.setattr(
-        report, "_experiment", study("experiment", experiment, [name for name, _ in EXPERIMENT_FIGURES])
-    )
-    monkeypatch.setattr(report, "_borders", study("borders", borders, ["map_payload"]))
-    monkeypatch.setattr(report, "_replanning", study("replanning", replanning, []))
-    monkeypatch.setattr(report, "_place", study("place", place, [name for name, _ in PLACE_FIGURES]))
-    return lambda quick=False: report.write_report(Scenario(), tmp_path, quick=quick)
+    parts = {
+        "frequency": (frequency, FREQUENCY_FIGURES),
+        "experiment": (experiment, EXPERIMENT_FIGURES),
+        "borders": (borders, [("map_payload", "")]),
+        "replanning": (replanning, []),
+        "place": (place, PLACE_FIGURES),
+    }
+    monkeypatch.setattr(report, "STUDIES", {name: made_up(name, *part) for name, part in parts.items()})
+
+    def write(quick=False):
+        said = []
+        report.run(Scenario(), tmp_path, quick=quick, progress=said.append)
+        assert said == [f"{words}: running" for words in report.PARTS.values()] + ["writing the pages"]
+        summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+        return SimpleNamespace(summary=summary, markdown=tmp_path / "report.md", html=tmp_path / "report.html")
+
+    return write
 
 
 def test_every_claim_is_on_the_page_with_its_verdict_and_numbers(written):

@@ -5,6 +5,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -17,6 +18,7 @@ from synthetic import END, MOTION, RELEASE, recording
 from flipdiagram.errors import InputError
 from flipdiagram.figures.style import STYLES
 from flipdiagram.files import write_summary
+from flipdiagram.flips.outcome import Outcome
 from flipdiagram.planning.plan import Plan
 from flipdiagram.results import compare, info, open_result
 from flipdiagram.results.signals import components, pretty, unit_of
@@ -25,7 +27,10 @@ from flipdiagram.simulation import metrics
 from flipdiagram.simulation.margins import with_margins
 from flipdiagram.simulation.metrics import FlipMetrics, measure
 from flipdiagram.simulation.recording_files import save_recording
+from flipdiagram.studies.experiment import claims as experiment
+from flipdiagram.studies.experiment.claims import Row
 from flipdiagram.studies.experiment.run import recording_name
+from flipdiagram.studies.frequency import claims as frequency
 
 
 def flown(architecture="pd+ff+dob", **overrides):
@@ -383,26 +388,17 @@ def turnover_body(datas, folder=None):
 
 def experiment_body(starts=(0.0, 0.02)):
     datas = {name: flown(name) for name in ("pd", "pd+ff+dob")}
-    runs = [measure(data).as_dict() | {"start_y_m": y, "plan": None} for y in starts for data in datas.values()]
-    runs[-1] = {
-        "architecture": "pd+ff+dob",
-        "start_y_m": starts[-1],
-        "success": False,
-        "failure": "no plan: far",
-        "plan": None,
-    }
-    claim = {"text": "it turns", "measured": "1 of 1", "paper": "yes", "numbers": {}, "difference": ""}
-    claims = [
-        claim | {"id": "E1", "holds": True},
-        claim | {"id": "E2", "holds": None},
-        claim | {"id": "E3", "holds": False},
-    ]
+    flown_from = [(y, replace(measure(data), start_y_m=y)) for y in starts for data in datas.values()]
+    rows = [Row(y, metrics.architecture, Outcome(metrics, metrics.failure)) for y, metrics in flown_from]
+    rows[-1] = Row(starts[-1], "pd+ff+dob", Outcome(None, "no plan: far"))
+    holds = {"E1": True, "E2": None, "E3": False}
+    claims = [experiment.Claim(id, "it turns", verdict, "1 of 1", "yes", {}) for id, verdict in holds.items()]
     return {
         "quick": True,
         "starts_y_m": list(starts),
         "architectures": list(datas),
-        "runs": runs,
-        "claims": claims,
+        "runs": [row.as_dict() for row in rows],
+        "claims": [claim.as_dict() for claim in claims],
         "second_engine": None,
     }
 
@@ -468,7 +464,7 @@ def frequency_body(factor=1.0):
         }
         for k, name in enumerate(("pd", "pd+dob"))
     ]
-    claims = [{"id": "C1", "claim": "follows", "holds": factor == 1.0, "measured": {"gain": 1.0}}]
+    claims = [frequency.Claim("C1", factor == 1.0, {"gain": 1.0}).as_dict()]
     return {"curves": curves, "torque": torque, "claims": claims, "seconds": factor}
 
 
@@ -572,21 +568,16 @@ def test_frequency_is_a_dataset_by_figure(tmp_path):
     assert found["claims"]["holds"].values == [1.0]
 
 
-@pytest.mark.parametrize("study", [*BODIES])
-def test_every_summary_dataset_can_be_saved_and_read(study, tmp_path):
-    found = open_result(summary_file(tmp_path, study))
-    for name, data in found.items() if isinstance(found, dict) else [("all", found)]:
-        data.to_netcdf(tmp_path / f"{name}.nc", engine="scipy")
-        with xr.open_dataset(tmp_path / f"{name}.nc", engine="scipy") as read:
-            assert set(read.data_vars) == set(data.data_vars)
-
-
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
         ("summary.json", "{", "not valid JSON"),
         ("summary.json", "[1]", "has schema null"),
-        ("summary.json", '{"schema": "flipdiagram/other/1"}', "'flipdiagram/other/1'|valid are flipdiagram/turnover/1"),
+        (
+            "summary.json",
+            '{"schema": "flipdiagram/other/1"}',
+            "valid are flipdiagram/plan/1, flipdiagram/turnover/1, .*flipdiagram/tuning/1",
+        ),
         ("summary.json", '{"schema": "flipdiagram/turnover/2"}', "newer than this flipdiagram"),
         ("summary.json", '{"schema": "flipdiagram/turnover/0"}', "older than this flipdiagram"),
         ("summary.json", '{"schema": "flipdiagram/turnover/1"}', "is damaged: it lacks 'versions'"),
@@ -662,13 +653,6 @@ def test_another_dataset_is_told_apart_from_a_recording(tmp_path):
 
 
 # ---- compare and info of summaries
-
-
-@pytest.mark.parametrize("study", [*BODIES])
-def test_a_summary_compared_with_itself_differs_in_nothing(study, tmp_path):
-    path = summary_file(tmp_path, study)
-    found = compare(path, tmp_path)
-    assert found.same and found.kind == study, found.to_markdown()
 
 
 def test_summaries_tell_verdicts_numbers_and_fields_that_differ(tmp_path):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from flipdiagram.figures.style import NAMES, RC, STYLES, save
+from flipdiagram.studies.study import Progress, Summary
 
 COLOURS = "viridis_r"
 """Sequential and even for colour-blind readers: dark is a large error."""
@@ -22,24 +23,24 @@ LEAST, MOST = 0.1, 5.0
 NO_PLAN = "no plan"
 
 
-def plot_map(drawn: Mapping[str, Any]) -> Figure:
+def plot_map(a_map: Mapping[str, Any]) -> Figure:
     """One map of a borders summary.json: all architectures side by side."""
-    names = list(drawn["architectures"])
+    names = list(a_map["architectures"])
     with rc_context(RC):
         figure = Figure(figsize=(2.75 * len(names) + 0.9, 3.5), layout="constrained")
         panels = figure.subplots(1, len(names), sharex=True, sharey=True, squeeze=False)[0]
         norm = LogNorm(LEAST, MOST)
         for ax, name in zip(panels, names, strict=True):
-            image = _panel(ax, drawn["architectures"][name], norm)
+            image = _panel(ax, a_map["architectures"][name], norm)
             ax.set_title(NAMES[name], color=STYLES[name].color, fontweight="bold", fontsize=10)
-            _ticks(ax, drawn["x"], drawn["y"])
-        panels[0].set_ylabel(drawn["y"]["label"])
-        figure.supxlabel(drawn["x"]["label"], fontsize=9)
+            _ticks(ax, a_map["x"], a_map["y"])
+        panels[0].set_ylabel(a_map["y"]["label"])
+        figure.supxlabel(a_map["x"]["label"], fontsize=9)
         bar = figure.colorbar(image, ax=list(panels), label="position RMSE [cm]", pad=0.01, extend="both")
         bar.set_ticks([0.1, 0.2, 0.5, 1, 2, 5], labels=["0.1", "0.2", "0.5", "1", "2", "5"])
         bar.ax.minorticks_off()
         marks = "turned over (colour), not turned over (grey ×), no motion planned (white –)"
-        figure.suptitle(f"{drawn['title']}: {marks}", fontsize=9.5)
+        figure.suptitle(f"{a_map['title']}: {marks}", fontsize=9.5)
     return figure
 
 
@@ -79,10 +80,9 @@ def _text(value: float | str) -> str:
     return value if isinstance(value, str) else f"{float(f'{value:.3g}'):g}"
 
 
-def write_figures(summary: Mapping[str, Any], out: Path) -> list[Path]:
-    """Write map_<name>.png and .svg of every map; returns the paths of the PNGs."""
-    return [save(plot_map(drawn), out / f"map_{drawn['name']}")[0] for drawn in _maps(summary)]
-
-
-def _maps(summary: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
-    return summary["maps"]
+def write_figures(summary: Summary, out: Path, *, progress: Progress = lambda text: None) -> list[str]:
+    """Draw map_<name>.png and .svg of every map."""
+    progress("drawing maps")
+    for a_map in summary["maps"]:
+        save(plot_map(a_map), out / f"map_{a_map['name']}")
+    return []

@@ -53,7 +53,7 @@ def maps_of(scenario: Scenario, resolution: int | None = None) -> dict[str, Map]
     """
     if resolution is not None and resolution < 2:
         raise InputError(f"resolution = {resolution} is not valid; valid is a whole number of at least 2")
-    found = (
+    maps = (
         _disturbance(resolution),
         _payload(resolution),
         _clearance(resolution),
@@ -62,7 +62,7 @@ def maps_of(scenario: Scenario, resolution: int | None = None) -> dict[str, Map]
         _inertia(resolution),
         _sensing(resolution),
     )
-    return {drawn.name: drawn for drawn in found}
+    return {a_map.name: a_map for a_map in maps}
 
 
 def _grid(low: float, high: float, default: int, resolution: int | None) -> list[float]:

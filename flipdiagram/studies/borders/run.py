@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,29 +24,6 @@ NUMBERS = ("position_rmse_m", "acceleration_rmse_m_s2", "max_slip_m", "velocity_
 """Metrics that a map keeps beside the verdict."""
 
 
-@dataclass(frozen=True)
-class BordersResult:
-    """The maps and the table of variations, with the outcome of every cell."""
-
-    scenario: Scenario
-    maps: tuple[Map, ...]
-    cells: dict[str, dict[str, list[list[Outcome]]]]
-    """By map and architecture, rows along y, columns along x."""
-    variations: tuple[Variation, ...]
-    varied: dict[str, list[Outcome]]
-    """By architecture, in the order of the variations."""
-    out: Path
-    quick: bool
-
-    def summary(self) -> dict[str, Any]:
-        """The body of summary.json."""
-        return {
-            "quick": self.quick,
-            "maps": [_map_summary(drawn, self.cells[drawn.name]) for drawn in self.maps],
-            "variations": _variation_summary(self.variations, self.varied),
-        }
-
-
 def run(
     scenario: Scenario,
     out: str | Path,
@@ -57,7 +33,7 @@ def run(
     quick: bool = False,
     jobs: int | None = None,
     progress: Progress = lambda text: None,
-) -> BordersResult:
+) -> None:
     """Fly every cell of the maps under every architecture, and the variations; write summary.json.
 
     maps: names of `maps_of`, and "variations"; by default all.  resolution: points per axis.  What an earlier call
@@ -67,43 +43,48 @@ def run(
     names = list(maps) if maps is not None else [*QUICK_MAPS] if quick else [*known, VARIATIONS]
     for name in names:
         if name not in known and name != VARIATIONS:
-            raise InputError(f"unknown map '{name}'; choose from {', '.join([*known, VARIATIONS])}")
+            valid = [*known, VARIATIONS]
+            message = f"unknown map '{name}'; choose from {', '.join(valid)}"
+            raise InputError(message, field="maps", value=name, valid=valid)
     build_loop(scenario)  # what is wrong with the scenario itself shows before anything is computed
-    chosen = tuple(known[name] for name in dict.fromkeys(names) if name in known)
-    variations = tuple(variations_of(scenario)) if VARIATIONS in names else ()
+    asked = [known[name] for name in dict.fromkeys(names) if name in known]
+    variations = list(variations_of(scenario)) if VARIATIONS in names else []
 
-    flips: list[Flip] = []
-    for drawn in chosen:
-        flips += [cell(scenario, drawn, i, j, name) for name in ARCHITECTURES for j, i in _grid(drawn)]
+    flips = [
+        cell(scenario, a_map, i, j, name)
+        for a_map in asked
+        for name in ARCHITECTURES
+        for j in range(len(a_map.y.values))
+        for i in range(len(a_map.x.values))
+    ]
     flips += [Flip(v.applied_to(scenario), name) for name in ARCHITECTURES for v in variations]
     outcomes = iter(run_flips(flips, Path(out), jobs=jobs, progress=progress))
-
-    cells = {
-        drawn.name: {name: [[next(outcomes) for _ in drawn.x.values] for _ in drawn.y.values] for name in ARCHITECTURES}
-        for drawn in chosen
-    }
+    cells = [
+        {name: [[next(outcomes) for _ in a_map.x.values] for _ in a_map.y.values] for name in ARCHITECTURES}
+        for a_map in asked
+    ]
     varied = {name: [next(outcomes) for _ in variations] for name in ARCHITECTURES}
-    result = BordersResult(scenario, chosen, cells, variations, varied, Path(out), quick)
-    write_summary(Path(out) / "summary.json", "borders", scenario, result.summary())
-    return result
+    body = {
+        "quick": quick,
+        "maps": [map_summary(*pair) for pair in zip(asked, cells, strict=True)],
+        "variations": variation_summary(variations, varied),
+    }
+    write_summary(Path(out) / "summary.json", "borders", scenario, body)
 
 
-def cell(scenario: Scenario, drawn: Map, i: int, j: int, architecture: str) -> Flip:
+def cell(scenario: Scenario, a_map: Map, i: int, j: int, architecture: str) -> Flip:
     """The flip of one cell, column i and row j; run alone it gives the same numbers as in the map."""
-    return Flip(scenario.with_overrides({**drawn.x.overrides[i], **drawn.y.overrides[j]}), architecture)
+    return Flip(scenario.with_overrides({**a_map.x.overrides[i], **a_map.y.overrides[j]}), architecture)
 
 
-def _grid(drawn: Map) -> list[tuple[int, int]]:
-    return [(j, i) for j in range(len(drawn.y.values)) for i in range(len(drawn.x.values))]
-
-
-def _map_summary(drawn: Map, cells: dict[str, list[list[Outcome]]]) -> dict[str, Any]:
+def map_summary(a_map: Map, cells: dict[str, list[list[Outcome]]]) -> dict[str, Any]:
+    """The entry of a map; cells: outcomes by architecture, rows along y, columns along x."""
     return {
-        "name": drawn.name,
-        "title": drawn.title,
-        "question": drawn.question,
-        "x": _axis_summary(drawn.x),
-        "y": _axis_summary(drawn.y),
+        "name": a_map.name,
+        "title": a_map.title,
+        "question": a_map.question,
+        "x": _axis_summary(a_map.x),
+        "y": _axis_summary(a_map.y),
         "architectures": {
             name: {
                 "success": [[outcome.success for outcome in row] for row in rows],
@@ -128,7 +109,7 @@ def _number(outcome: Outcome, name: str) -> float | None:
     return None if outcome.metrics is None else float(getattr(outcome.metrics, name))
 
 
-def _variation_summary(variations: Sequence[Variation], varied: dict[str, list[Outcome]]) -> list[dict[str, Any]]:
+def variation_summary(variations: Sequence[Variation], varied: dict[str, list[Outcome]]) -> list[dict[str, Any]]:
     """Each variation with its verdicts; fragile where one differs from the first, the scenario as it is."""
     rows: list[dict[str, Any]] = []
     for k, variation in enumerate(variations):

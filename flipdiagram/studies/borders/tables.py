@@ -2,32 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from flipdiagram.grid import Grid
 from flipdiagram.scenario.scenario import ARCHITECTURES
+from flipdiagram.studies.study import Summary
 
-Summary = Mapping[str, Any]
+
+def tables(summary: Summary) -> list[Grid | str | None]:
+    """What a terminal shows."""
+    quick = "a quick run: few and coarse maps, no variations" if summary["quick"] else None
+    return [border_grid(summary), variation_grid(summary), quick]
 
 
-def border_grid(summary: Summary) -> Grid | None:
-    """In how many cells of each map each architecture turns the block over; None without maps."""
+def border_grid(summary: Summary) -> Grid:
+    """In how many cells of each map each architecture turns the block over."""
     rows = []
-    for drawn in summary["maps"]:
-        cells = len(drawn["x"]["values"]) * len(drawn["y"]["values"])
-        won = [sum(map(sum, drawn["architectures"][name]["success"])) for name in ARCHITECTURES]
-        rows.append([drawn["title"], f"{drawn['x']['label']} × {drawn['y']['label']}", str(cells), *map(str, won)])
-    if not rows:
-        return None
+    for a_map in summary["maps"]:
+        cells = len(a_map["x"]["values"]) * len(a_map["y"]["values"])
+        won = [sum(map(sum, a_map["architectures"][name]["success"])) for name in ARCHITECTURES]
+        rows.append([a_map["title"], f"{a_map['x']['label']} × {a_map['y']['label']}", str(cells), *map(str, won)])
     names = [f"`{name}`" for name in ARCHITECTURES]
     return Grid(["map", "axes", "cells", *names], rows, right=["cells", *names])
 
 
-def variation_grid(summary: Summary) -> Grid | None:
-    """Each variation: who turned the block over, and how the numbers of the proposed controller move; None without."""
-    if not summary["variations"]:
-        return None
+def variation_grid(summary: Summary) -> Grid:
+    """Each variation: who turned the block over, and how the numbers of the proposed controller move."""
     rows = []
     for row in summary["variations"]:
         runs = row["runs"]

@@ -80,8 +80,8 @@ class Runs:
 
     def values(self, architecture: str, read: Callable[[FlipMetrics], float]) -> np.ndarray:
         """A number of every start of an architecture, in the order of the starts."""
-        chosen = sorted((row for row in self.rows if row.architecture == architecture), key=lambda row: row.start_y)
-        return np.array([read(row.outcome.metrics) for row in chosen if row.outcome.metrics])
+        rows = sorted((row for row in self.rows if row.architecture == architecture), key=lambda row: row.start_y)
+        return np.array([read(row.outcome.metrics) for row in rows if row.outcome.metrics])
 
     def mean(self, architecture: str, read: Callable[[FlipMetrics], float]) -> float:
         """Its mean over the starts; nan where there is none."""
@@ -90,8 +90,8 @@ class Runs:
 
     def successes(self, architecture: str) -> tuple[int, int]:
         """(turned over, tried)."""
-        mine = [row for row in self.all if row.architecture == architecture]
-        return sum(row.outcome.success for row in mine), len(mine)
+        rows = [row for row in self.all if row.architecture == architecture]
+        return sum(row.outcome.success for row in rows), len(rows)
 
 
 def claims_of(rows: Sequence[Row]) -> list[Claim]:
@@ -120,9 +120,9 @@ def _position(m: FlipMetrics) -> float:
 
 
 def _e1(runs: Runs) -> Claim:
-    found = {name: runs.successes(name) for name in ARCHITECTURES}
-    holds = all(found[n][0] == found[n][1] for n in (DOB, BOTH)) and all(found[n][0] == 0 for n in (PD, FF))
-    measured = ", ".join(f"{name} {won} of {tried}" for name, (won, tried) in found.items())
+    successes = {name: runs.successes(name) for name in ARCHITECTURES}
+    holds = all(successes[n][0] == successes[n][1] for n in (DOB, BOTH)) and all(successes[n][0] == 0 for n in (PD, FF))
+    measured = ", ".join(f"{name} {won} of {tried}" for name, (won, tried) in successes.items())
     struck = sum("blade hit the table" in (row.outcome.failure or "") for row in runs.all)
     lost = sum(not row.outcome.success for row in runs.all)
     reason = (
@@ -131,7 +131,7 @@ def _e1(runs: Runs) -> Claim:
         if struck
         else ""
     )
-    return _claim("E1", holds, measured, {"successes": found, "struck_the_table": struck}, reason)
+    return _claim("E1", holds, measured, {"successes": successes, "struck_the_table": struck}, reason)
 
 
 def _e2(runs: Runs) -> Claim:
@@ -214,6 +214,8 @@ def _smaller(a: float, b: float) -> bool:
 
 
 def _factor(pairs: Sequence[tuple[str, float, float]], why: str) -> str:
-    """The explanation, where one of (name, ours, the paper's) is off by more than `FACTOR`."""
-    off = [f"{name} × {ours / theirs:.2f}" for name, ours, theirs in pairs if not 1 / FACTOR <= ours / theirs <= FACTOR]
+    """The explanation, where one of (name, value, the paper's) is off by more than `FACTOR`."""
+    off = [
+        f"{name} × {value / stated:.2f}" for name, value, stated in pairs if not 1 / FACTOR <= value / stated <= FACTOR
+    ]
     return f"against the paper {', '.join(off)}: {why}" if off else ""

@@ -13,26 +13,31 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flipdiagram.figures.motion import dropped_at
-from flipdiagram.figures.style import GUIDE, LABELS, NAMES, RC, STYLES, WITH_OBSERVER, save
+from flipdiagram.figures.style import GUIDE, LABELS, NAMES, RC, STYLES, WITH_OBSERVER, save, tidy
 from flipdiagram.scenario.scenario import ARCHITECTURES
-from flipdiagram.studies.experiment.run import ExperimentResult
+from flipdiagram.simulation.recording_files import load_recording
+from flipdiagram.studies.experiment.run import recording_name
+from flipdiagram.studies.study import Progress, Summary
 
 ByArchitecture = Mapping[str, Sequence[xr.Dataset]]
 PAPER_RMSE = (0.0110, 0.0015)
 """The paper's position RMSE [m], mean and standard deviation over its eight starts."""
 
 
-def write_figures(result: ExperimentResult) -> list[Path]:
-    """Write the figures beside the result; returns the paths of the PNGs."""
-    recordings = {name: result.recordings(name) for name in result.architectures}
-    drawn = {
-        "fig13_all_starts": plot_paths(recordings),
-        "fig14_all_starts": plot_responses(recordings, "v"),
-        "fig15_all_starts": plot_responses(recordings, "a"),
-        "cone_use": plot_cone_use(recordings),
-        "by_start": plot_by_start(result.summary()["runs"]),
-    }
-    return [save(figure, result.out / name)[0] for name, figure in drawn.items()]
+def write_figures(summary: Summary, out: Path, *, progress: Progress = lambda text: None) -> list[str]:
+    """Draw the figures beside the results."""
+    progress("drawing figures")
+    recordings: dict[str, list[xr.Dataset]] = {name: [] for name in summary["architectures"]}
+    for run in summary["runs"]:
+        if "position_rmse_m" in run:
+            name = run["architecture"]
+            recordings[name].append(load_recording(out / recording_name(run["start_y_m"], name)))
+    save(plot_paths(recordings), out / "fig13_all_starts")
+    save(plot_responses(recordings, "v"), out / "fig14_all_starts")
+    save(plot_responses(recordings, "a"), out / "fig15_all_starts")
+    save(plot_cone_use(recordings), out / "cone_use")
+    save(plot_by_start(summary["runs"]), out / "by_start")
+    return []
 
 
 def plot_paths(recordings: ByArchitecture) -> Figure:
@@ -52,7 +57,7 @@ def plot_paths(recordings: ByArchitecture) -> Figure:
         ax.set_title(NAMES[name], color=STYLES[name].color, fontweight="bold", fontsize=10)
         ax.set_xlabel(LABELS["x"][0])
         ax.set_aspect("equal")
-        _tidy(ax)
+        tidy(ax)
     panels[0].set_ylabel(LABELS["x"][1])
     _legend(figure, panels[0])
     return figure
@@ -73,7 +78,7 @@ def plot_responses(recordings: ByArchitecture, quantity: str) -> Figure:
                 ax.plot(time, window[quantity].values[:, row], **_line(name), label=None if k else "response")
             if not column:
                 ax.set_ylabel(LABELS[quantity][row])
-            _tidy(ax)
+            tidy(ax)
         panels[column].set_title(NAMES[name], color=STYLES[name].color, fontweight="bold", fontsize=10)
         panels[2 * len(names) + column].set_xlabel("time [s]")
     _legend(figure, panels[0])
@@ -98,7 +103,7 @@ def plot_cone_use(recordings: ByArchitecture) -> Figure:
         ax.axhline(1.0, **GUIDE)
         ax.set_title(NAMES[name], color=STYLES[name].color, fontweight="bold", fontsize=10)
         ax.set(xlabel="time [s]", ylim=(0, 1.1))
-        _tidy(ax)
+        tidy(ax)
     panels[0].set_ylabel("friction cone used [1]")
     _legend(figure, panels[0])
     return figure
@@ -123,7 +128,7 @@ def plot_by_start(runs: Sequence[Mapping[str, Any]]) -> Figure:
             ax.plot(starts, [read(run) for run in mine], color=colour, linewidth=1.0, zorder=2)
             ax.scatter(starts, [read(run) for run in mine], c=faces, edgecolors=colour, zorder=3, label=NAMES[name])
         ax.set(ylabel=label)
-        _tidy(ax)
+        tidy(ax)
     mean, deviation = (100 * value for value in PAPER_RMSE)
     panels[0].axhspan(mean - deviation, mean + deviation, color="0.85", zorder=1, label="the paper, FF + DOB")
     marked: tuple[list[float], ...] = ([0.2, 0.5, 1, 2, 4], [1, 2, 5, 10, 20, 50, 100])
@@ -162,9 +167,3 @@ def _legend(figure: Figure, ax: Axes) -> None:
     for handle in handles[1:]:
         handle.set_alpha(1.0)
     figure.legend(handles, labels, loc="outside upper center", ncols=4, frameon=False)
-
-
-def _tidy(ax: Axes) -> None:
-    ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
-    ax.spines[["top", "right"]].set_visible(False)

@@ -35,11 +35,11 @@ def second_engine(runs: Sequence[tuple[str, float, Path]], jobs: int | None = No
     tasks = [(path, Settings()) for _, _, path in runs]
     varied = [(name, variant, path) for name, start, path in runs for variant in list(VARIANTS)[1:] if start == first]
     tasks += [(path, VARIANTS[variant]) for _, variant, path in varied]
-    found: dict[int, dict[str, Any]] = {}
+    verdicts: dict[int, dict[str, Any]] = {}
     with Workers(jobs) as workers:
         for index, verdict in workers.results(_verdict, tasks):
-            found[index] = verdict
-    entries = [found[k] for k in range(len(tasks))]
+            verdicts[index] = verdict
+    entries = [verdicts[k] for k in range(len(tasks))]
     return {
         "settings": Settings().settings_text(),
         "runs": [
@@ -56,7 +56,7 @@ def second_engine(runs: Sequence[tuple[str, float, Path]], jobs: int | None = No
 def _verdict(path: Path, settings: Settings) -> dict[str, Any]:
     recording = load_recording(path)
     try:
-        found = compare(recording, settings)
+        verdict = compare(recording, settings)
     except FlipdiagramError as error:
         # Drake's verdict stands, and does not agree with one that there is not
         lost = {"success": False, "failure": str(error), "max_slip_m": None, "touchdown": None}
@@ -64,4 +64,4 @@ def _verdict(path: Path, settings: Settings) -> dict[str, Any]:
         landed, slip = metrics.touchdown(recording), metrics.slip_and_lift(recording)[0]
         drake = {"success": success, "failure": failure, "max_slip_m": slip, "touchdown": landed and asdict(landed)}
         return {"agree": False, "drake": drake, "mujoco": lost}
-    return {key: found[key] for key in ("agree", "drake", "mujoco")}
+    return {key: verdict[key] for key in ("agree", "drake", "mujoco")}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,47 +10,14 @@ from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import InputError
 from flipdiagram.files import write_summary
 from flipdiagram.flips.flip import Flip
-from flipdiagram.flips.outcome import Outcome
 from flipdiagram.flips.run import Progress, run_flips
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
-from flipdiagram.simulation.recording import Recording
-from flipdiagram.simulation.recording_files import load_recording
 from flipdiagram.studies.experiment.claims import Row, claims_of
 from flipdiagram.studies.experiment.mujoco import second_engine
 
 STARTS = (0.0, 0.02, 0.04, 0.06, 0.08, 0.10, 0.12, 0.14)
 """Starts [m] on y: the first at the centre of the workspace, each 2 cm further (section IV-B of the paper)."""
 QUICK_STARTS = (0.0, 0.14)
-
-
-@dataclass(frozen=True)
-class ExperimentResult:
-    """The outcomes of all starts and architectures, and the claims E1–E8 judged from them."""
-
-    scenario: Scenario
-    starts: tuple[float, ...]
-    architectures: tuple[str, ...]
-    rows: tuple[Row, ...]
-    out: Path
-    quick: bool
-    second_engine: dict[str, Any] | None
-    """Verdicts of MuJoCo beside Drake's; None where it is not installed."""
-
-    def recordings(self, architecture: str) -> list[Recording]:
-        """The recordings of an architecture, by start."""
-        rows = [row for row in self.rows if row.architecture == architecture and row.outcome.metrics is not None]
-        return [load_recording(self.out / recording_name(row.start_y, architecture)) for row in rows]
-
-    def summary(self) -> dict[str, Any]:
-        """The body of summary.json."""
-        return {
-            "quick": self.quick,
-            "starts_y_m": list(self.starts),
-            "architectures": list(self.architectures),
-            "runs": [row.as_dict() for row in self.rows],
-            "claims": [claim.as_dict() for claim in claims_of(self.rows)],
-            "second_engine": self.second_engine,
-        }
 
 
 def recording_name(start_y: float, architecture: str) -> str:
@@ -70,34 +36,43 @@ def run(
     quick: bool = False,
     jobs: int | None = None,
     progress: Progress = lambda text: None,
-) -> ExperimentResult:
-    """Fly every start under every architecture; write recordings and summary.json.
+) -> None:
+    """Fly every start under every architecture, and in MuJoCo where it is installed; write recordings and summary.json.
 
     starts: y [m] of each, by default `STARTS`, or two of them where quick.  What an earlier call left in `out` is
     used.  Raises InputError for a bad start; a start without a motion is an outcome, not an error.
     """
-    chosen = tuple(starts) if starts is not None else QUICK_STARTS if quick else STARTS
-    if not chosen or len(set(chosen)) != len(chosen):
-        raise InputError(f"starts = {list(chosen)} is not valid; valid are different numbers [m], at least one")
+    starts = tuple(starts) if starts is not None else QUICK_STARTS if quick else STARTS
+    if not starts or len(set(starts)) != len(starts):
+        valid = "different numbers [m], at least one"
+        message = f"starts = {list(starts)} is not valid; valid are {valid}"
+        raise InputError(message, field="starts", value=list(starts), valid=valid)
     folder = Path(out)
     flips = [
         Flip(scenario.with_overrides({"task.start_y": y}), name, recording_name(y, name))
-        for y in chosen
+        for y in starts
         for name in architectures
     ]
     build_loop(flips[0].scenario, architectures[0])  # what is wrong with the scenario shows before anything is computed
-    outcomes: list[Outcome] = run_flips(flips, folder, jobs=jobs, progress=progress)
-    rows = tuple(
-        Row(flip.scenario.task.start_y, flip.architecture, outcome)
-        for flip, outcome in zip(flips, outcomes, strict=True)
-    )
+    outcomes = run_flips(flips, folder, jobs=jobs, progress=progress)
+    rows = [Row(f.scenario.task.start_y, f.architecture, outcome) for f, outcome in zip(flips, outcomes, strict=True)]
     recorded = [
-        (flip.architecture, flip.scenario.task.start_y, folder / str(flip.recording))
-        for flip, outcome in zip(flips, outcomes, strict=True)
-        if outcome.metrics is not None
+        (row.architecture, row.start_y, folder / recording_name(row.start_y, row.architecture))
+        for row in rows
+        if row.outcome.metrics is not None
     ]
     progress("the same motions in MuJoCo")
     engines = second_engine(recorded, jobs)
-    result = ExperimentResult(scenario, chosen, tuple(architectures), rows, folder, quick, engines)
-    write_summary(folder / "summary.json", "experiment", scenario, result.summary())
-    return result
+    write_summary(folder / "summary.json", "experiment", scenario, body(rows, quick=quick, engines=engines))
+
+
+def body(rows: Sequence[Row], *, quick: bool = False, engines: dict[str, Any] | None = None) -> dict[str, Any]:
+    """The body of summary.json.  engines: verdicts of MuJoCo beside Drake's; None where it is not installed."""
+    return {
+        "quick": quick,
+        "starts_y_m": list(dict.fromkeys(row.start_y for row in rows)),
+        "architectures": list(dict.fromkeys(row.architecture for row in rows)),
+        "runs": [row.as_dict() for row in rows],
+        "claims": [claim.as_dict() for claim in claims_of(rows)],
+        "second_engine": engines,
+    }

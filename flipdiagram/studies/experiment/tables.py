@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from flipdiagram.grid import GOOD, Grid, verdict
+from flipdiagram.studies.study import Summary
 
-Summary = Mapping[str, Any]
 PAPER = {
     "turned over": {"pd": "no", "pd+ff": "no", "pd+dob": "yes", "pd+ff+dob": "yes"},
     "position RMSE [cm]": {"pd+ff+dob": "1.10 ± 0.15, last 1.18"},
@@ -27,6 +27,16 @@ READ: dict[str, Callable[[Mapping[str, Any]], float]] = {
     "vibration after the end [mm/s]": lambda run: _times(1000, run["endpoint_vibration_m_s"]),
     "slip, largest [mm]": lambda run: _times(1000, run["max_slip_m"]),
 }
+
+
+def tables(summary: Summary) -> list[Grid | str | None]:
+    """What a terminal shows."""
+    return [
+        runs_grid(summary),
+        claims_grid(summary),
+        engine_grid(summary),
+        "a quick run: two starts only" if summary["quick"] else None,
+    ]
 
 
 def runs_grid(summary: Summary) -> Grid:
@@ -66,14 +76,11 @@ def claims_grid(summary: Summary) -> Grid:
     return Grid(["", "claim", "holds", "measured", "the paper", "remark"], rows)
 
 
-def engine_grid(summary: Summary) -> Grid | None:
-    """Verdicts of both engines on the same recorded tool motions; None where the second was not run."""
-    engines = summary.get("second_engine")
-    if not engines:
-        return None
+def engine_grid(summary: Summary) -> Grid:
+    """Verdicts of both engines on the same recorded tool motions; no row where the second was not run."""
     rows = []
     for name in summary["architectures"]:
-        mine = [row for row in engines["runs"] if row["architecture"] == name]
+        mine = [row for row in _engines(summary, "runs") if row["architecture"] == name]
         if not mine:
             continue
         drake, mujoco = (sum(row[engine]["success"] for row in mine) for engine in ("drake", "mujoco"))
@@ -85,19 +92,20 @@ def engine_grid(summary: Summary) -> Grid | None:
     return Grid(headings, rows, title="the recorded tool motion with the block in MuJoCo")
 
 
-def engine_variants_grid(summary: Summary) -> Grid | None:
-    """MuJoCo's verdict and the angle at touch-down for the first start under other contact settings; None without."""
-    engines = summary.get("second_engine")
-    if not engines or not engines["variants"]:
-        return None
-    names = summary["architectures"]
+def engine_variants_grid(summary: Summary) -> Grid:
+    """MuJoCo's verdict and the angle at touch-down for the first start under other contact settings."""
+    names, tried = summary["architectures"], _engines(summary, "variants")
     rows = []
-    for variant in dict.fromkeys(row["variant"] for row in engines["variants"]):
-        found = {row["architecture"]: row for row in engines["variants"] if row["variant"] == variant}
-        cells = [_landing(found[name]["mujoco"]) if name in found else "–" for name in names]
-        text = next(row["settings"] for row in found.values())
+    for variant in dict.fromkeys(row["variant"] for row in tried):
+        by_name = {row["architecture"]: row for row in tried if row["variant"] == variant}
+        cells = [_landing(by_name[name]["mujoco"]) if name in by_name else "–" for name in names]
+        text = next(row["settings"] for row in by_name.values())
         rows.append([variant, *cells, text])
     return Grid(["MuJoCo", *(f"`{name}`" for name in names), "settings"], rows)
+
+
+def _engines(summary: Summary, part: str) -> list[Any]:
+    return (summary.get("second_engine") or {}).get(part, [])
 
 
 def _landing(verdict: Mapping[str, Any]) -> str:

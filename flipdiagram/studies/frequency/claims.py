@@ -212,11 +212,11 @@ def _moves(m: Measured, panel: int, sense: int) -> Verdict:
     numbers: dict[str, Any] = {"omega_rad_s": omega} | _unstable_cut_offs(m)
     holds = True
     for name in WITH_OBSERVER:
-        chosen = (g >= omega if sense < 0 else g <= omega) & ~np.isnan(m.torque[name][panel])
-        torque = m.torque[name][panel][chosen]
+        on_that_side = (g >= omega if sense < 0 else g <= omega) & ~np.isnan(m.torque[name][panel])
+        torque = m.torque[name][panel][on_that_side]
         if len(torque) < 2:
-            return False, numbers | {"too_few_g_dis": [float(value) for value in g[chosen]]}
-        numbers |= {"g_dis_rad_s": [float(g[chosen][0]), float(g[chosen][-1])]}
+            return False, numbers | {"too_few_g_dis": [float(value) for value in g[on_that_side]]}
+        numbers |= {"g_dis_rad_s": [float(g[on_that_side][0]), float(g[on_that_side][-1])]}
         numbers[f"{name}_N"] = [float(torque[0]), float(torque[-1])]
         steps = sense * np.diff(torque) / torque[:-1]
         holds &= bool((steps > -SAME).all() and sense * (torque[-1] - torque[0]) > LITTLE * torque[0])

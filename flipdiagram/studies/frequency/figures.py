@@ -16,9 +16,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from flipdiagram.figures.style import NAMES, new_axes, save, style_of
+from flipdiagram.figures.style import NAMES, new_axes, save, style_of, tidy
+from flipdiagram.files import write_atomically
+from flipdiagram.studies.frequency.tables import markdown
+from flipdiagram.studies.study import Summary
 
-Summary = Mapping[str, Any]
 THEORY: Any = {"color": "black", "linewidth": 0.5, "zorder": 4, "label": "theory (no friction)"}
 WIDER = 1.9
 """Factor on the widths of the styles: where theory and measurement agree, a black hairline runs inside a colour."""
@@ -40,9 +42,9 @@ def plot_gain(summary: Summary, figure: str = "5", axes: Sequence[Axes] | None =
         panels.append(models["curves"])
     axes = list(axes or new_axes(len(panels), (5.2 * len(panels), 3.8), columns=len(panels)))
     for ax, entries in zip(axes, panels, strict=True):
-        chosen = _pick(entries, figure)
-        for entry in chosen:
-            _curve(ax, entry, chosen)
+        curves = _pick(entries, figure)
+        for entry in curves:
+            _curve(ax, entry, curves)
             _theory(ax, _beside(summary, "5", entry))
         ax.axhline(np.sqrt(0.5), color="0.4", linewidth=0.9, linestyle=":")
         ax.set(xscale="log", yscale="log", xlabel=OMEGA, ylabel="acceleration gain")
@@ -57,9 +59,9 @@ def plot_gain(summary: Summary, figure: str = "5", axes: Sequence[Axes] | None =
 def plot_error(summary: Summary, ax: Axes | None = None, *, friction: bool = False) -> Axes:
     """Fig. 7: RMS error of the position for a command of 1 m."""
     ax = ax or new_axes(1, (5.2, 3.8))[0]
-    chosen = [entry for entry in _pick(summary["curves"], "7") if entry["friction"] == friction]
-    for entry in chosen:
-        _curve(ax, entry, chosen)
+    curves = [entry for entry in _pick(summary["curves"], "7") if entry["friction"] == friction]
+    for entry in curves:
+        _curve(ax, entry, curves)
         _theory(ax, entry)
     ax.set(xscale="log", yscale="log", xlabel=OMEGA, ylabel="RMS error of x [m]")
     _finish([ax])
@@ -70,9 +72,9 @@ def plot_phase(summary: Summary, axes: Sequence[Axes] | None = None) -> Sequence
     """Fig. 8: phase of the response with friction, (a) without and (b) with FF, for each g_dis."""
     axes = list(axes or new_axes(2, (10.4, 3.9), columns=2))
     for ax, figure in zip(axes, ("8a", "8b"), strict=True):
-        chosen = [entry for entry in _pick(summary["curves"], figure) if entry["friction"]]
-        for entry in chosen:
-            _curve(ax, entry, chosen, np.degrees)
+        curves = [entry for entry in _pick(summary["curves"], figure) if entry["friction"]]
+        for entry in curves:
+            _curve(ax, entry, curves, np.degrees)
             _theory(ax, _beside(summary, figure, entry), np.degrees)
         ax.set(xscale="log", xlabel=OMEGA, ylabel="phase of x against x_cmd [deg]")
         ax.set_title(f"({figure[-1]}) {'with' if figure == '8b' else 'without'} FF", fontsize="medium")
@@ -85,14 +87,14 @@ def plot_torque(summary: Summary, axes: Sequence[Axes] | None = None) -> Sequenc
     """Fig. 9: largest force against g_dis at three command frequencies; each panel has a scale of its own."""
     axes = list(axes or new_axes(3, (10.4, 3.6), columns=3))
     for ax, figure in zip(axes, ("9a", "9b", "9c"), strict=True):
-        chosen = _pick(summary["torque"], figure)
-        for entry in chosen:
+        curves = _pick(summary["torque"], figure)
+        for entry in curves:
             name = entry["architecture"]
             ax.plot(entry["g_dis_rad_s"], entry["max_torque_N"], label=NAMES[name], **_line(name))
             ax.plot(entry["g_dis_rad_s"], entry["theory"], **THEORY)
         ax.set(xscale="log", xlabel="$g_{dis}$ [rad/s]", ylabel="maximum force [N]")
-        ax.axvline(chosen[0]["omega_rad_s"], color="0.4", linewidth=0.9, linestyle=":", label="$g_{dis}$ = ω")
-        ax.set_title(f"({figure[-1]}) ω = {chosen[0]['omega_rad_s']:g} rad/s", fontsize="medium")
+        ax.axvline(curves[0]["omega_rad_s"], color="0.4", linewidth=0.9, linestyle=":", label="$g_{dis}$ = ω")
+        ax.set_title(f"({figure[-1]}) ω = {curves[0]['omega_rad_s']:g} rad/s", fontsize="medium")
     _finish(axes)
     return axes
 
@@ -100,15 +102,15 @@ def plot_torque(summary: Summary, axes: Sequence[Axes] | None = None) -> Sequenc
 def plot_noise(summary: Summary, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
     """Fig. 10: velocity noise to position, sinusoids as lines and broadband noise as dots; relative to PD beside it."""
     axes = list(axes or new_axes(2, (10.4, 3.9), columns=2))
-    chosen = _pick(summary["curves"], "10")
-    reference = next((entry for entry in chosen if entry["architecture"] == "pd"), None)
+    curves = _pick(summary["curves"], "10")
+    reference = next((entry for entry in curves if entry["architecture"] == "pd"), None)
     # without FF and with it are the same curve: draw the one with FF first, so that the other lies on it
-    for entry in sorted(chosen, key=lambda entry: "ff" not in entry["architecture"]):
-        _curve(axes[0], entry, chosen)
+    for entry in sorted(curves, key=lambda entry: "ff" not in entry["architecture"]):
+        _curve(axes[0], entry, curves)
         _theory(axes[0], entry)
         if reference is not None:
             ratio = entry | {"value": np.divide(entry["value"], reference["value"])}
-            _curve(axes[1], ratio, chosen)
+            _curve(axes[1], ratio, curves)
             axes[1].plot(entry["omega_rad_s"], np.divide(entry["theory"], reference["theory"]), **THEORY)
     for entry in summary.get("broadband", ()):
         if "ff" not in entry["architecture"]:
@@ -120,9 +122,9 @@ def plot_noise(summary: Summary, axes: Sequence[Axes] | None = None) -> Sequence
     return axes
 
 
-def write_figures(summary: Summary, out: Path) -> list[Path]:
-    """Write Figs 5–10 as PNG and SVG into a folder; returns the paths."""
-    drawn = {
+def write_figures(summary: Summary, out: Path, **_: Any) -> list[str]:
+    """Draw Figs 5–10 as PNG and SVG, and write the tables as claims.md."""
+    axes: dict[str, Any] = {
         "fig05_gain": plot_gain(summary, "5"),
         "fig06_gain_with_friction": plot_gain(summary, "6"),
         "fig07_position_error": [plot_error(summary)],
@@ -130,10 +132,10 @@ def write_figures(summary: Summary, out: Path) -> list[Path]:
         "fig09_torque": plot_torque(summary),
         "fig10_noise": plot_noise(summary),
     }
-    written = []
-    for name, axes in drawn.items():
-        written += save(cast("Figure", axes[0].figure), out / name)
-    return written
+    for name, panels in axes.items():
+        save(panels[0].figure, out / name)
+    write_atomically(out / "claims.md", markdown(summary))
+    return []
 
 
 def _pick(entries: Sequence[Any], figure: str) -> list[Any]:
@@ -182,9 +184,7 @@ def _finish(axes: Sequence[Axes]) -> None:
     """Grid, and one legend above the panels with each label once."""
     labels: dict[str, Any] = {}
     for ax in axes:
-        ax.grid(color="0.9", linewidth=0.6)
-        ax.set_axisbelow(True)
-        ax.spines[["top", "right"]].set_visible(False)
+        tidy(ax)
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             labels.setdefault(label, handle)
     figure = axes[0].figure

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -17,7 +16,7 @@ from pydrake.systems.framework import System
 from flipdiagram.arrays import Complex, Floats
 from flipdiagram.compiled import NotCompilable, compile_diagram
 from flipdiagram.diagrams.one_dof import build_controller, build_experiment, build_open, theory
-from flipdiagram.errors import FlipdiagramError, SimulationError
+from flipdiagram.errors import SimulationError
 from flipdiagram.scenario.one_dof import Frequency, OneDof
 from flipdiagram.scenario.scenario import ARCHITECTURES
 from flipdiagram.studies.frequency.periodicity import Repetition, repetitions
@@ -74,12 +73,11 @@ class Laboratory:
         threads: int | None = None,
     ) -> None:
         self.settings, self.study, self.lenient, self.threads = settings, study, lenient, threads
-        self.controllers = dict(controllers or {name: _factory(name) for name in ARCHITECTURES})
+        self.controllers = dict(controllers or {name: partial(build_controller, name) for name in ARCHITECTURES})
         self.steps, self.sweep_steps, self.seconds = 0, 0, 0.0
         self.unstable: dict[Loop, str] = {}
         self._loops: dict[str, Any] = {}
         self._poles: dict[Loop, complex | None] = {}
-        self._compiling = threading.Lock()
 
     def loops(self, g_dis: Sequence[float]) -> list[Loop]:
         """Every controller; those with an observer once per g_dis."""
@@ -95,99 +93,82 @@ class Laboratory:
 
     def repetitions(self, loop: Loop, response: Response, kind: Kind) -> list[Repetition]:
         """What the unsteady channels of a response do, in their order: one of `command` or `noise`."""
-        odd = ~response.steady
-        if not odd.any():
+        unsteady = response.select(~response.steady)
+        if not unsteady.omega.size:
             return []
-        parameters = self._parameters([loop], kind == "friction")
-        found, steps = repetitions(
-            self.compiled(loop[0]),
-            response.omega[odd],
-            response.ticks[odd],
-            {**parameters, **self._amplitudes(kind)},
-            settling_ticks(self._pole(loop), self.settings.step),
-            tolerance=self.study.tolerance,
-            name=loop[0],
-            threads=self.threads,
-        )
+        settling = settling_ticks(self._pole(loop), self.settings.step)
+        parameters = self._parameters([loop], kind)
+        options: dict[str, Any] = {"tolerance": self.study.tolerance, "name": loop[0], "threads": self.threads}
+        compiled = self.compiled(loop[0])
+        verdicts, steps = repetitions(compiled, unsteady.omega, unsteady.ticks, parameters, settling, **options)
         self.steps += steps
-        return found
+        return verdicts
 
     def broadband(self, loop: Loop, ticks: int, settling: float = 2.0) -> tuple[Floats, Floats]:
         """(noise [m/s], x [m]), one sample a tick, under white velocity noise, x_cmd = 0, after settling [s]."""
         compiled = self.compiled(loop[0])
-        sources = {"command.amplitude": 0.0, "noise.amplitude": 0.0, "white_noise.rms": self.study.noise_amplitude}
-        given: dict[str, ArrayLike] = {**self._parameters([loop], friction=False), **sources}
+        given = self._parameters([loop], "linear") | {"command.amplitude": 0.0}
+        given["white_noise.rms"] = self.study.noise_amplitude
         first = compiled.run(math.ceil(settling / self.settings.step), parameters=given, threads=1)
-        run = compiled.run(
-            ticks, parameters=given, state=first.final, start=first.ticks, log=("white_noise", "x"), threads=1
-        )
+        begin: dict[str, Any] = {"state": first.final, "start": first.ticks}
+        run = compiled.run(ticks, parameters=given, log=("white_noise", "x"), threads=1, **begin)
         self.steps += int(run.ticks.sum())
         return run.log["white_noise"][0, :ticks, 0], run.log["x"][0, :ticks, 0]
 
     def compiled(self, name: str) -> Any:
         """The experiment of one controller as a native stepper; of another's that has no symbolic form, Drake's own."""
-        with self._compiling:
-            if name not in self._loops:
-                diagram = build_experiment(
-                    self.controllers[name](self.settings), self.settings, friction=True, seed=self.study.seed
-                )
-                diagram.set_name(name)
-                names = [f"{box}.omega" for box in ("command", "noise", "lockin_x", "lockin_a")]
-                own = name not in ARCHITECTURES
-                self._loops[name] = compile_diagram(diagram, tie={"omega": names}, fallback=own)
-            return self._loops[name]
+        if name not in self._loops:
+            controller = self.controllers[name](self.settings)
+            diagram = build_experiment(controller, self.settings, friction=True, seed=self.study.seed)
+            diagram.set_name(name)
+            names = [f"{box}.omega" for box in ("command", "noise", "lockin_x", "lockin_a")]
+            self._loops[name] = compile_diagram(diagram, tie={"omega": names}, fallback=name not in ARCHITECTURES)
+        return self._loops[name]
 
     def stable(self, loops: Sequence[Loop]) -> list[Loop]:
         """Those loops whose poles all decay; raises SimulationError for another unless lenient."""
-        good = []
+        stable = []
         for loop in loops:
             try:
                 self._pole(loop)
-                good.append(loop)
+                stable.append(loop)
             except SimulationError as error:
                 if not self.lenient:
                     raise
                 self.unstable[loop] = str(error)
-        return good
+        return stable
 
     def _sweep(self, loops: Sequence[Loop], omega: ArrayLike, kind: Kind) -> dict[Loop, Response]:
-        found: dict[Loop, Response] = {}
+        responses: dict[Loop, Response] = {}
         w = np.atleast_1d(np.asarray(omega, dtype=float))
-        good = self.stable(loops)
-        for name in dict.fromkeys(name for name, _ in good):
-            group = [loop for loop in good if loop[0] == name]
-            compiled, period = self.compiled(name), self.settings.step
-            settling = [settling_ticks(self._pole(loop), period) for loop in group]
-            own = self._parameters(group, kind == "friction")
-            parameters = {key: np.repeat(value, len(w)) for key, value in own.items()}
+        stable, study = self.stable(loops), self.study
+        for name in dict.fromkeys(name for name, _ in stable):
+            group = [loop for loop in stable if loop[0] == name]
+            compiled, each = self.compiled(name), np.tile(w, len(group))
+            settling = np.repeat([settling_ticks(self._pole(loop), self.settings.step) for loop in group], len(w))
+            parameters = {key: np.repeat(value, len(w)) for key, value in self._parameters(group, kind).items()}
+            options: dict[str, Any] = {"tolerance": study.tolerance, "most_windows": study.most_windows}
             begin = time.perf_counter()
-            response = measure(
-                compiled,
-                np.tile(w, len(group)),
-                {**parameters, **self._amplitudes(kind)},
-                np.repeat(settling, len(w)),
-                tolerance=self.study.tolerance,
-                most_windows=self.study.most_windows,
-                name=name,
-                threads=self.threads,
-            )
+            response = measure(compiled, each, parameters, settling, name=name, threads=self.threads, **options)
             self.seconds += time.perf_counter() - begin
             self.steps, self.sweep_steps = self.steps + response.steps, self.sweep_steps + response.steps
             for i, loop in enumerate(group):
-                found[loop] = response.select(slice(i * len(w), (i + 1) * len(w)))
-        return found
+                responses[loop] = response.select(slice(i * len(w), (i + 1) * len(w)))
+        return responses
 
-    def _amplitudes(self, kind: Kind) -> dict[str, float]:
-        noise = kind == "noise"
-        return {"command.amplitude": float(not noise), "noise.amplitude": self.study.noise_amplitude * noise}
-
-    def _parameters(self, group: Sequence[Loop], friction: bool) -> dict[str, Floats]:
+    def _parameters(self, group: Sequence[Loop], kind: Kind) -> dict[str, Floats]:
         """Numeric parameters that differ between loops of one controller and experiments, one per loop."""
-        given = {"plant.f_c": self.settings.coulomb, "plant.d": self.settings.viscous}
-        values = {name: np.full(len(group), value if friction else 0.0) for name, value in given.items()}
+        friction, noise = float(kind == "friction"), float(kind == "noise")
+        values = {
+            "plant.f_c": friction * self.settings.coulomb,
+            "plant.d": friction * self.settings.viscous,
+            "command.amplitude": 1.0 - noise,
+            "noise.amplitude": noise * self.study.noise_amplitude,
+        }
+        given = {name: np.full(len(group), value) for name, value in values.items()}
         if group[0][0] in WITH_OBSERVER:
-            values["controller::disturbance_observer.0"] = np.array([g for _, g in group])
-        return values
+            given["controller::disturbance_observer.0"] = np.array([g for _, g in group])
+        return given
 
     def _pole(self, loop: Loop) -> complex | None:
         """The slowest pole s [rad/s]; None where a linearisation does not tell.  SimulationError if it grows."""
@@ -201,33 +182,6 @@ class Laboratory:
                 poles = _linear_poles(name, self.controllers[name](self.settings), self.settings)
             self._poles[loop] = complex(poles[np.argmax(poles.real)]) if poles.size else None
         return self._poles[loop]
-
-
-class Compiling:
-    """Compiles the loops of laboratories, in their order, in a thread of its own, while others of them already run.
-
-    Leaving the `with` block stops it after the loop at hand.  What goes wrong there goes wrong again where it is used.
-    """
-
-    def __init__(self, laboratories: Sequence[Laboratory]) -> None:
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._work, args=(list(laboratories),), daemon=True)
-
-    def __enter__(self) -> Compiling:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self._stop.set()
-        self._thread.join()
-
-    def _work(self, laboratories: Sequence[Laboratory]) -> None:
-        for laboratory in laboratories:
-            for name in laboratory.controllers:
-                if self._stop.is_set():
-                    return
-                with suppress(FlipdiagramError):
-                    laboratory.compiled(name)
 
 
 def closed_form(settings: OneDof, loop: Loop) -> Loop1Dof:
@@ -245,10 +199,6 @@ def rms_error_theory(form: Loop1Dof, omega: ArrayLike) -> Floats:
 def peak_force_theory(form: Loop1Dof, omega: ArrayLike) -> Floats:
     """Largest modulus of the force [N] for x_cmd = −sin ωt under gravity: m |g_z| + |F/X_cmd|."""
     return form.mass * abs(GRAVITY_Z) + np.abs(form.torque(omega))
-
-
-def _factory(name: str) -> Factory:
-    return lambda settings: build_controller(name, settings)
 
 
 def _linear_poles(name: str, controller: System, settings: OneDof) -> Complex:

@@ -80,12 +80,11 @@ def repetitions(
         for i, reading in zip(active, decisive(windows.next(active)).T, strict=True):
             readings[i].append(reading)
         active = np.array([i for i in active if judge(readings[i], tolerance)[0] != "periodic"], dtype=int)
-    found = []
+    verdicts = []
     for k, series in enumerate(readings):
         verdict, order, count, spread = judge(series, tolerance)
-        repeats = order * int(m[k]) if order else None
-        found.append(Repetition(verdict, float(whole[k]), repeats, count, spread))
-    return found, windows.steps
+        verdicts.append(Repetition(verdict, float(whole[k]), order * int(m[k]) if order else None, count, spread))
+    return verdicts, windows.steps
 
 
 def judge(series: Sequence[Complex], tolerance: float) -> tuple[Verdict, int | None, int, float]:

@@ -85,9 +85,9 @@ def measure_all(laboratory: Laboratory, progress: Callable[[str], None] = lambda
     torque = {}
     for name in laboratory.controllers:
         row = [(name, float(g)) for g in cut_offs] if name in WITH_OBSERVER else [(name, 0.0)]
-        found = laboratory.command(row, torque_omega)
+        responses = laboratory.command(row, torque_omega)
         missing = np.full(len(torque_omega), np.nan)
-        torque[name] = np.stack([found[loop].peak_force if loop in found else missing for loop in row], axis=1)
+        torque[name] = np.stack([responses[loop].peak_force if loop in responses else missing for loop in row], axis=1)
     return Measured(settings, study, linear, friction, noise, torque_omega, cut_offs, torque, laboratory.unstable)
 
 

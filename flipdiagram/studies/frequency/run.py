@@ -21,7 +21,7 @@ from flipdiagram.studies.frequency import realisations
 from flipdiagram.studies.frequency.broadband import Spectrum, noise_spectrum
 from flipdiagram.studies.frequency.claims import Claim, acceleration_gain, evaluate, phase
 from flipdiagram.studies.frequency.curves import curves_of, friction_curves, torque_of
-from flipdiagram.studies.frequency.laboratory import Compiling, Factory, Kind, Laboratory, Loop, Measured
+from flipdiagram.studies.frequency.laboratory import Factory, Kind, Laboratory, Loop, Measured
 from flipdiagram.studies.frequency.realisations import Realisation
 from flipdiagram.studies.frequency.sweep import Response
 
@@ -108,17 +108,16 @@ def run(
     rough = None if quick else _other_friction(settings, study)
     everything = [laboratory, *([rough] if rough else []), *rooms.values()]
     laboratory.stable(laboratory.loops(sorted({settings.g_dis, *study.g_dis})))
-    with Compiling(everything):
-        measured = realisations.measure_all(laboratory, progress)
-        progress("responses to broadband noise")
-        loops = [loop for loop in measured.noise if loop[0] != "pd+ff+dob" or loop[1] == settings.g_dis]
-        spectra = {loop: noise_spectrum(laboratory, loop) for loop in loops}
-        other = None
-        if rough is not None:
-            progress(f"responses with {rough.settings.friction_model} friction")
-            found = rough.command(rough.loops((settings.g_dis,)), study.frequencies(), friction=True)
-            other = Measured(rough.settings, study, friction=found)
-        rows = realisations.table(rooms, progress)
+    measured = realisations.measure_all(laboratory, progress)
+    progress("responses to broadband noise")
+    loops = [loop for loop in measured.noise if loop[0] != "pd+ff+dob" or loop[1] == settings.g_dis]
+    spectra = {loop: noise_spectrum(laboratory, loop) for loop in loops}
+    other = None
+    if rough is not None:
+        progress(f"responses with {rough.settings.friction_model} friction")
+        rough_responses = rough.command(rough.loops((settings.g_dis,)), study.frequencies(), friction=True)
+        other = Measured(rough.settings, study, friction=rough_responses)
+    rows = realisations.table(rooms, progress)
     progress("what unsteady responses do")
     unsteady = unsteady_responses(laboratory, measured)
     if rough is not None and other is not None:
@@ -147,9 +146,9 @@ def stored(scenario: Scenario, out: str | Path, *, quick: bool = False) -> dict[
     if quick:
         scenario = scenario.with_overrides(_quick(scenario))
     try:
-        found: dict[str, Any] = json.loads((Path(out) / "summary.json").read_text(encoding="utf-8"))
-        same = found["code"] == code_version(SOURCES) and found["scenario"] == scenario.model_dump(mode="json")
-        return found if same and found["quick"] is quick else None
+        summary: dict[str, Any] = json.loads((Path(out) / "summary.json").read_text(encoding="utf-8"))
+        same = summary["code"] == code_version(SOURCES) and summary["scenario"] == scenario.model_dump(mode="json")
+        return summary if same and summary["quick"] is quick else None
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
@@ -164,8 +163,8 @@ def compare(controllers: Mapping[str, Factory], scenario: Scenario, *, friction:
         raise InputError("controllers = {}; give at least one factory by name")
     laboratory = Laboratory(scenario.one_dof, scenario.frequency, controllers)
     loops = laboratory.loops((scenario.one_dof.g_dis,))
-    found = laboratory.command(loops, scenario.frequency.frequencies(), friction=friction)
-    return {name: response for (name, _), response in found.items()}
+    responses = laboratory.command(loops, scenario.frequency.frequencies(), friction=friction)
+    return {name: response for (name, _), response in responses.items()}
 
 
 def unsteady_responses(laboratory: Laboratory, measured: Measured) -> list[dict[str, Any]]:
@@ -176,31 +175,31 @@ def unsteady_responses(laboratory: Laboratory, measured: Measured) -> list[dict[
     for kind, responses in kinds.items():
         for (name, g), response in responses.items():
             odd = np.flatnonzero(~response.steady)
-            for i, found in zip(odd, laboratory.repetitions((name, g), response, kind), strict=True):
+            for i, repetition in zip(odd, laboratory.repetitions((name, g), response, kind), strict=True):
                 entry = {"kind": kind, "architecture": name, "g_dis_rad_s": g or None}
                 entry |= {"friction_model": measured.settings.friction_model} if kind == "friction" else {}
                 entry |= {"omega_rad_s": response.omega[i], "spread": response.spread[i]}
-                entry |= {"spread_of_fundamental": response.spread_x[i], "verdict": found.verdict}
-                entry |= {"judged_at_omega_rad_s": found.omega, "repeats_after_periods": found.periods}
-                entries.append(entry | {"windows": found.windows, "spread_there": found.spread})
+                entry |= {"spread_of_fundamental": response.spread_x[i], "verdict": repetition.verdict}
+                entry |= {"judged_at_omega_rad_s": repetition.omega, "repeats_after_periods": repetition.periods}
+                entries.append(entry | {"windows": repetition.windows, "spread_there": repetition.spread})
     return entries
 
 
 def compare_friction(one: Measured, other: Measured) -> dict[str, Any]:
     """Gain at the lowest frequency and largest difference of gain and phase between two friction models."""
     models = one.settings.friction_model, other.settings.friction_model
-    found: dict[str, Any] = {"figures_6_and_8": models[0], "other": models[1]}
+    comparison: dict[str, Any] = {"figures_6_and_8": models[0], "other": models[1]}
     for loop in other.friction:
         a, b = one.friction[loop], other.friction[loop]
         gains, phases = (acceleration_gain(a), acceleration_gain(b)), (phase(a), phase(b))
-        found[loop[0]] = {
+        comparison[loop[0]] = {
             "omega_rad_s": float(a.omega[0]),
             "gain_at_lowest": dict(zip(models, (float(gain[0]) for gain in gains), strict=True)),
             "same_gain_within_5_percent_above_rad_s": _agree_above(a.omega, gains[0], gains[1], 0.05),
             "largest_phase_difference_rad": float(np.max(np.abs(phases[0] - phases[1]))),
             "rms_error_at_lowest_m": [float(a.rms_error[0]), float(b.rms_error[0])],
         }
-    return found
+    return comparison
 
 
 def dataset(measured: Measured) -> xr.Dataset:

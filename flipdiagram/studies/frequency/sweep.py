@@ -130,7 +130,9 @@ class Windows:
         self._loop, self._name, self._threads = loop, name, threads
         self._given = {key: np.broadcast_to(np.asarray(value, dtype=float), (n,)) for key, value in parameters.items()}
         self._given["omega"] = self.omega
-        self._default, self._meters = _layout(loop)
+        self._default = np.concatenate([np.ravel(loop.default_state[name]) for name in loop.states])
+        boxes = [name.partition("[")[0].partition(".")[0] for name in loop.state_names]
+        self._meters = np.flatnonzero(np.isin(boxes, METERS))
         settle = np.broadcast_to(np.asarray(settling, dtype=np.int64), (n,))
         run = loop.run(settle, parameters=self._given, threads=threads)
         self.steps, self._now, self._state = int(settle.sum()), run.ticks.copy(), np.array(run.final)
@@ -145,7 +147,9 @@ class Windows:
         given = {key: value[active] for key, value in self._given.items()}
         run = self._loop.run(ticks, parameters=given, state=state, start=self._now[active], threads=self._threads)
         self.steps += int(ticks.sum())
-        _check_finite(run.final, w, self._name)
+        bad = ~(np.abs(run.final).max(axis=1) < 1e100)  # also where one is nan
+        if bad.any():
+            raise SimulationError(f"the loop '{self._name}' diverged at omega = {w[bad][0]:.6g} rad/s")
         read = _read(run.outputs, w, self._loop.period, self._now[active], ticks)
         self._state[active], self._now[active] = run.final, run.ticks
         return read
@@ -162,14 +166,6 @@ def apart(one: Complex, other: Complex) -> Floats:
     return np.asarray(np.abs(one - other) / np.maximum(size, 1e-300))
 
 
-def _layout(loop: Any) -> tuple[Floats, np.ndarray]:
-    """The default state, and the indices of those elements that belong to meters."""
-    names = [name.partition("[")[0] for name in loop.state_names]
-    where = np.array([i for i, name in enumerate(names) if name.split(".")[0] in METERS], dtype=int)
-    default = np.concatenate([np.ravel(loop.default_state[name]) for name in loop.states])
-    return default, where
-
-
 def _read(outputs: Mapping[str, Floats], w: Floats, period: float, start: Any, ticks: Any) -> dict[str, Any]:
     peaks = {name: outputs[f"peak_{name}"] for name in ("x", "a", "force")}
     return {
@@ -180,9 +176,3 @@ def _read(outputs: Mapping[str, Floats], w: Floats, period: float, start: Any, t
         "peak_force": np.max(np.abs(peaks["force"]), axis=1),
         "rms_error": outputs["rms_error"][:, 0],
     }
-
-
-def _check_finite(final: Floats, w: Floats, name: str) -> None:
-    bad = ~(np.isfinite(final).all(axis=1) & (np.abs(final).max(axis=1) < 1e100))
-    if bad.any():
-        raise SimulationError(f"the loop '{name}' diverged at omega = {w[bad][0]:.6g} rad/s")

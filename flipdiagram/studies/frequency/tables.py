@@ -1,75 +1,72 @@
-"""The claims C1–C14 and the realisations of the observer as tables for a terminal."""
+"""The claims C1–C14 and the realisations of the observer as tables."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from rich.table import Table
-
-from flipdiagram.files import write_atomically
-from flipdiagram.grid import Grid
-from flipdiagram.studies.frequency.claims import TEXTS, Claim
+from flipdiagram.grid import Grid, verdict
+from flipdiagram.studies.frequency.claims import TEXTS
 from flipdiagram.studies.frequency.periodicity import Verdict
-from flipdiagram.studies.frequency.realisations import best
-from flipdiagram.studies.frequency.run import FrequencyResult
+from flipdiagram.studies.study import Summary
 
 
-def claims_table(result: FrequencyResult) -> Table:
+def tables(summary: Summary) -> list[Grid | str | None]:
+    """What a terminal shows."""
+    realisations = summary.get("realisations")
+    return [
+        claims_grid(summary),
+        holding_grid(realisations, summary["best_realisation"]) if realisations else None,
+        steadiness(summary),
+        "a quick run: fewer frequencies, no table of realisations" if summary["quick"] else None,
+    ]
+
+
+def claims_grid(summary: Summary) -> Grid:
     """One row per claim: what the paper says, whether it holds, and the numbers measured."""
-    settings = result.measured.settings
+    settings = summary["scenario"]["one_dof"]
     title = (
-        f"m = {settings.mass:g} kg, k_p = {settings.k_p:g}, k_v = {settings.k_v:g}, g_dis = {settings.g_dis:g} rad/s;"
-        f" observer with m_n/m = {settings.nominal_mass_ratio:g}; {settings.friction_model} friction"
+        f"m = {settings['mass']:g} kg, k_p = {settings['k_p']:g}, k_v = {settings['k_v']:g},"
+        f" g_dis = {settings['g_dis']:g} rad/s; observer with m_n/m = {settings['nominal_mass_ratio']:g};"
+        f" {settings['friction_model']} friction"
     )
-    table = Table(title=title, title_justify="left")
-    for heading in ("", "figure", "claim", "holds", "measured"):
-        table.add_column(heading, no_wrap=heading in ("", "figure", "holds"))
-    for claim in result.claims:
-        holds = "[green]yes[/]" if claim.holds else "[red]no[/]"
-        table.add_row(claim.id, FIGURES[claim.id], TEXTS[claim.id], holds, numbers(claim))
-    return table
+    rows = [
+        [claim["id"], FIGURES[claim["id"]], TEXTS[claim["id"]], verdict(claim["holds"]), numbers(claim)]
+        for claim in summary["claims"]
+    ]
+    return Grid(["", "figure", "claim", "holds", "measured"], rows, title, whole=["", "figure", "holds"])
 
 
-def realisation_table(result: FrequencyResult) -> Table:
+def holding_grid(rows: Sequence[Mapping[str, Any]], best: str) -> Grid:
     """One row per realisation of the observer, one column per claim, x where it holds."""
-    chosen = best(result.rows)
-    table = Table(title=f"realisations of the observer; most claims hold with {chosen.name}", title_justify="left")
-    table.add_column("realisation", no_wrap=True)
-    for name in TEXTS:
-        table.add_column(name, justify="center", no_wrap=True)
-    table.add_column("hold", justify="right")
-    for row in result.rows:
-        marks = ["[green]x[/]" if claim.holds else "[red]·[/]" for claim in row.claims]
-        table.add_row(row.name + (" (some unstable)" if row.unstable else ""), *marks, str(row.count))
-    return table
+    title = f"realisations of the observer; most claims hold with {best}"
+    texts = []
+    for row in rows:
+        marks = ["x" if row["holds"][name] else "·" for name in TEXTS]
+        texts.append([row["name"] + (" (some unstable)" if row["unstable"] else ""), *marks, str(row["holding"])])
+    headings = ["realisation", *TEXTS, "hold"]
+    return Grid(headings, texts, title, ["hold"], centred=list(TEXTS), whole=headings[:-1], good=("x",), bad=("·",))
 
 
-def write_markdown(result: FrequencyResult, out: Path) -> Path:
-    """Both tables as Markdown in `out`/claims.md, as the README shows them."""
-    lines = ["| | figure | claim | holds | measured |", "| --- | --- | --- | --- | --- |"]
-    for claim in result.claims:
-        holds = "yes" if claim.holds else "no"
-        lines.append(f"| {claim.id} | {FIGURES[claim.id]} | {TEXTS[claim.id]} | {holds} | {numbers(claim)} |")
-    text = "\n".join(lines) + "\n"
-    if result.rows:
-        text += "\n" + realisations_grid([row.as_dict() for row in result.rows]).markdown()
-    text += "\n" + steadiness(result) + "\n"
-    return write_atomically(out / "claims.md", text)
+def markdown(summary: Summary) -> str:
+    """Claims, realisations and steadiness as Markdown, as the README shows them."""
+    parts = [claims_grid(summary).markdown()]
+    if "realisations" in summary:
+        parts.append(realisations_grid(summary["realisations"]).markdown())
+    return "\n".join([*parts, steadiness(summary) + "\n"])
 
 
-def steadiness(result: FrequencyResult) -> str:
+def steadiness(summary: Summary) -> str:
     """How many responses missed the criterion of steadiness, by how much, and what they do instead, in a line."""
-    found, tolerance = result.unsteady, result.measured.study.tolerance
-    if not found:
+    unsteady, tolerance = summary["measurement"]["unsteady"], summary["measurement"]["tolerance"]
+    if not unsteady:
         return f"Successive windows agree within {tolerance:g} for every response."
-    count = Counter(entry["verdict"] for entry in found)
+    count = Counter(entry["verdict"] for entry in unsteady)
     doing = "; ".join(f"{count[name]} {text}" for name, text in VERDICTS.items() if count[name])
-    spread, fundamental = (max(entry[key] for entry in found) for key in ("spread", "spread_of_fundamental"))
+    spread, fundamental = (max(entry[key] for entry in unsteady) for key in ("spread", "spread_of_fundamental"))
     return (
-        f"Successive windows agree within {tolerance:g} for every response but {len(found)}, which differ by up to"
+        f"Successive windows agree within {tolerance:g} for every response but {len(unsteady)}, which differ by up to"
         f" {spread:.2g}, in the fundamental by up to {fundamental:.2g}: {doing} (summary.json lists them)."
     )
 
@@ -85,11 +82,10 @@ def realisations_grid(rows: Sequence[Mapping[str, Any]]) -> Grid:
     return Grid(headings, texts, right=headings[1:2])
 
 
-def numbers(claim: Claim) -> str:
-    """What was measured for a claim, in a line."""
-    if "unstable" in claim.measured:
-        return str(claim.measured["unstable"])
-    return _SENTENCES[claim.id](claim.measured)
+def numbers(claim: Mapping[str, Any]) -> str:
+    """What was measured for a claim of summary.json, in a line."""
+    measured = claim["measured"]
+    return str(measured["unstable"]) if "unstable" in measured else _SENTENCES[claim["id"]](measured)
 
 
 def _n(value: float | None) -> str:

@@ -11,23 +11,30 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flipdiagram.figures.style import GUIDE, LABELS, NAMES, RC, STYLES, save, style_of
-from flipdiagram.scenario.scenario import ARCHITECTURES
+from flipdiagram.rendering.replay import write_replay
+from flipdiagram.scenario.scenario import ARCHITECTURES, from_mapping
 from flipdiagram.simulation.recording import Recording
-from flipdiagram.studies.place.run import PlaceResult, planned_states
+from flipdiagram.simulation.recording_files import load_recording
+from flipdiagram.studies.place.run import planned_states
+from flipdiagram.studies.study import Progress, Summary
 from flipdiagram.theory import contact
 
 STATES = (("stick (7)", "#56B4E9"), ("slide (8)", "#F0E442"), ("release (9)", "#BBBBBB"))
 
 
-def write_figures(result: PlaceResult) -> list[Path]:
-    """Write the figures beside the result; returns the paths of the PNGs."""
-    recordings, out = result.recordings(), result.out
-    friction = result.scenario.object.friction
-    drawn = {
-        "contact_states": plot_states(recordings, friction),
-        "path": plot_path(recordings, result.scenario.place.target_y),
-    }
-    return [save(figure, out / name)[0] for name, figure in drawn.items()]
+def write_figures(
+    summary: Summary, out: Path, *, no_replay: bool = False, progress: Progress = lambda text: None
+) -> list[str]:
+    """Draw the figures and, unless told not to, replay.html beside the results."""
+    progress("drawing figures")
+    recordings = {run["architecture"]: load_recording(out / run["recording"]) for run in summary["runs"]}
+    scenario = from_mapping(summary["scenario"])
+    save(plot_states(recordings, scenario.object.friction), out / "contact_states")
+    save(plot_path(recordings, scenario.place.target_y), out / "path")
+    if not no_replay:
+        verdicts = {run["architecture"]: (run["success"], run["failure"] or "laid down") for run in summary["runs"]}
+        write_replay(recordings, scenario, out / "replay.html", verdicts)
+    return []
 
 
 def plot_states(recordings: Mapping[str, Recording], friction: float) -> Figure:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -18,8 +18,8 @@ from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.simulation.metrics import rmse, touchdown
 from flipdiagram.simulation.recording import Recording, in_tool, roll
-from flipdiagram.simulation.recording_files import load_recording
 from flipdiagram.simulation.simulate import simulate
+from flipdiagram.studies.study import Progress
 from flipdiagram.theory import contact
 from flipdiagram.theory.contact import ContactState
 
@@ -46,44 +46,6 @@ class Placement:
     position_rmse_m: float
     recording: str
 
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        return asdict(self)
-
-
-@dataclass(frozen=True)
-class PlaceResult:
-    """The plan and the placements of one study."""
-
-    scenario: Scenario
-    plan: PlacingPlan
-    placements: tuple[Placement, ...]
-    out: Path
-
-    def recordings(self) -> dict[str, Recording]:
-        """The recordings by architecture."""
-        return {placed.architecture: load_recording(self.out / placed.recording) for placed in self.placements}
-
-    def summary(self) -> dict[str, Any]:
-        """The body of summary.json."""
-        slide = self.plan.slide
-        return {
-            "plan": {
-                "tilt_rad": slide.tilt,
-                "friction_angle_rad": self.plan.plan.friction_angle,
-                "slide_begins_s": self.plan.slide_begins,
-                "slide_time_s": slide.duration,
-                "slide_way_m": slide.way,
-                "slide_speed_m_s": slide.final_speed,
-                "retreat_begins_s": self.plan.retreat_begins,
-                "duration_s": self.plan.plan.duration,
-                "limit_use": self.plan.plan.limit_use,
-                "solve_time_s": self.plan.plan.solve_time,
-            },
-            "target_y_m": self.scenario.place.target_y,
-            "runs": [placed.as_dict() for placed in self.placements],
-        }
-
 
 def run(
     scenario: Scenario,
@@ -91,8 +53,8 @@ def run(
     architectures: Sequence[str] = ARCHITECTURES,
     *,
     jobs: int | None = None,
-    progress: Callable[[str], None] = lambda text: None,
-) -> PlaceResult:
+    progress: Progress = lambda text: None,
+) -> None:
     """Plan once, simulate each architecture, write recordings and summary.json.
 
     Raises InputError, PlanningError where the object cannot be laid down, SimulationError.
@@ -104,30 +66,46 @@ def run(
     progress("planning")
     plan = Placer(scenario, arm_of(scenario)).plan()
     progress(f"planned {plan.plan.duration:.2f} s; simulating {', '.join(architectures)}")
-    done: dict[int, Placement] = {}
+    placements: dict[int, Placement] = {}
     with Workers(jobs) as workers:
         tasks = [(scenario, name, plan, folder) for name in architectures]
         for index, placed in workers.results(place_one, tasks):
-            done[index] = placed
+            placements[index] = placed
             verdict = "laid down" if placed.success else placed.failure
-            progress(f"{len(done)}/{len(tasks)} {placed.architecture}: {verdict}")
-    result = PlaceResult(scenario, plan, tuple(done[i] for i in sorted(done)), folder)
-    write_summary(folder / "summary.json", "place", scenario, result.summary())
-    return result
+            progress(f"{len(placements)}/{len(tasks)} {placed.architecture}: {verdict}")
+    body = {
+        "plan": _plan_summary(plan),
+        "target_y_m": scenario.place.target_y,
+        "runs": [asdict(placements[i]) for i in sorted(placements)],
+    }
+    write_summary(folder / "summary.json", "place", scenario, body)
+
+
+def _plan_summary(plan: PlacingPlan) -> dict[str, Any]:
+    return {
+        "tilt_rad": plan.slide.tilt,
+        "friction_angle_rad": plan.plan.friction_angle,
+        "slide_begins_s": plan.slide_begins,
+        "slide_time_s": plan.slide.duration,
+        "slide_way_m": plan.slide.way,
+        "slide_speed_m_s": plan.slide.final_speed,
+        "retreat_begins_s": plan.retreat_begins,
+        "duration_s": plan.plan.duration,
+        "limit_use": plan.plan.limit_use,
+        "solve_time_s": plan.plan.solve_time,
+    }
 
 
 def place_one(scenario: Scenario, architecture: str, plan: PlacingPlan, folder: Path) -> Placement:
     """One run: simulate, judge, write its recording."""
-    flip = simulate(scenario, architecture, plan.plan)
     name = f"{architecture}.nc"
-    data = flip.recording
-    time = data["time"].values
+    data = simulate(scenario, architecture, plan.plan).recording
     data["slide"] = (("time",), sliding(data), {"units": "m"})
-    data["slide_cmd"] = (("time",), plan.displacement(time), {"units": "m"})
+    data["slide_cmd"] = (("time",), plan.displacement(data["time"].values), {"units": "m"})
     data["contact_state"] = (("time",), contact_states(data), {"units": "1", "note": "0 stick, 1 slide, 2 release"})
     placed = judge(data, scenario.place.target_y, architecture, plan, name)
     with atomic_path(folder / name) as temporary:
-        judged = data.assign_attrs(success=int(placed.success), failure=placed.failure or "")
+        judged = data.assign_attrs(study="place", success=int(placed.success), failure=placed.failure or "")
         judged.to_netcdf(temporary, engine="scipy")
     return placed
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from flipdiagram.grid import Grid
+from flipdiagram.studies.study import Summary
 
 
-def place_grid(summary: Mapping[str, Any]) -> Grid:
+def tables(summary: Summary) -> list[Grid]:
     """A row an architecture: verdict, distance from the target, speed at touch-down, slide planned and realised."""
     rows = []
     for run in summary["runs"]:
@@ -25,19 +23,11 @@ def place_grid(summary: Mapping[str, Any]) -> Grid:
                 f"{100 * run['position_rmse_m']:.2f}",
             ]
         )
-    headings = [
-        "",
-        "object",
-        "from the target [cm]",
-        "tilt [rad]",
-        "at touch-down [m/s]",
-        "slid [mm]",
-        "planned [mm]",
-        "position RMSE [cm]",
-    ]
+    quantities = ["from the target [cm]", "tilt [rad]", "at touch-down [m/s]", "slid [mm]", "planned [mm]"]
+    quantities += ["position RMSE [cm]"]
     plan = summary["plan"]
     title = (
         f"blade tilted to {plan['tilt_rad']:.2f} rad, friction angle {plan['friction_angle_rad']:.2f} rad,"
         f" target y = {100 * summary['target_y_m']:.0f} cm"
     )
-    return Grid(headings, rows, title=title, right=headings[2:])
+    return [Grid(["", "object", *quantities], rows, title, quantities)]

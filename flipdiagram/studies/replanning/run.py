@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.files import write_summary
 from flipdiagram.flips.flip import Flip
-from flipdiagram.flips.outcome import Outcome
 from flipdiagram.flips.run import Progress, run_flips
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 
@@ -49,35 +48,6 @@ def ways_of(scenario: Scenario) -> dict[str, Mapping[str, Any]]:
     }
 
 
-@dataclass(frozen=True)
-class ReplanningResult:
-    """The outcomes by case, way and architecture."""
-
-    scenario: Scenario
-    outcomes: dict[tuple[str, str, str], Outcome]
-    out: Path
-    quick: bool
-
-    def summary(self) -> dict[str, Any]:
-        """The body of summary.json."""
-        return {
-            "quick": self.quick,
-            "cases": {name: dict(fields) for name, fields in CASES.items()},
-            "ways": {name: dict(fields) for name, fields in ways_of(self.scenario).items()},
-            "runs": [
-                {
-                    "case": case,
-                    "way": way,
-                    "architecture": name,
-                    "success": outcome.success,
-                    "failure": outcome.failure,
-                    **({} if outcome.metrics is None else outcome.metrics.as_dict()),
-                }
-                for (case, way, name), outcome in self.outcomes.items()
-            ],
-        }
-
-
 def run(
     scenario: Scenario,
     out: str | Path,
@@ -85,17 +55,20 @@ def run(
     quick: bool = False,
     jobs: int | None = None,
     progress: Progress = lambda text: None,
-) -> ReplanningResult:
+) -> None:
     """Fly every case in every way under every architecture; write summary.json.
 
     What an earlier call left in `out` is used.  Raises InputError.
     """
     build_loop(scenario)  # what is wrong with the scenario itself shows before anything is computed
-    cases = QUICK_CASES if quick else tuple(CASES)
-    keys = [(case, way, name) for case in cases for way in ways_of(scenario) for name in ARCHITECTURES]
     ways = ways_of(scenario)
+    keys = list(product(QUICK_CASES if quick else CASES, ways, ARCHITECTURES))
     flips = [Flip(scenario.with_overrides({**CASES[case], **ways[way]}), name) for case, way, name in keys]
     outcomes = run_flips(flips, Path(out), jobs=jobs, progress=progress)
-    result = ReplanningResult(scenario, dict(zip(keys, outcomes, strict=True)), Path(out), quick)
-    write_summary(Path(out) / "summary.json", "replanning", scenario, result.summary())
-    return result
+    runs = [
+        {"case": case, "way": way, "architecture": name, "success": outcome.success, "failure": outcome.failure}
+        | ({} if outcome.metrics is None else outcome.metrics.as_dict())
+        for (case, way, name), outcome in zip(keys, outcomes, strict=True)
+    ]
+    body = {"quick": quick, "cases": CASES, "ways": ways, "runs": runs}
+    write_summary(Path(out) / "summary.json", "replanning", scenario, body)

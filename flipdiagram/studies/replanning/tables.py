@@ -7,16 +7,17 @@ from typing import Any
 
 from flipdiagram.grid import Grid
 from flipdiagram.scenario.scenario import ARCHITECTURES
+from flipdiagram.studies.study import Summary
 
 
-def replanning_grid(summary: Mapping[str, Any]) -> Grid:
+def tables(summary: Summary) -> list[Grid]:
     """A row for each case and way: J with which the block landed, RMSE and slip, or why it was lost."""
-    found = {(run["case"], run["way"], run["architecture"]): run for run in summary["runs"]}
+    runs = {(run["case"], run["way"], run["architecture"]): run for run in summary["runs"]}
     rows = []
-    for case, way in dict.fromkeys((case, way) for case, way, _ in found):
-        rows.append([case, way, *(_cell(found[case, way, name]) for name in ARCHITECTURES)])
+    for case, way in dict.fromkeys((case, way) for case, way, _ in runs):
+        rows.append([case, way, *(_cell(runs[case, way, name]) for name in ARCHITECTURES)])
     title = "J of the landing, position RMSE, slip of the block; or why it was lost"
-    return Grid(["disturbance", "plan", *(f"`{name}`" for name in ARCHITECTURES)], rows, title=title)
+    return [Grid(["disturbance", "plan", *(f"`{name}`" for name in ARCHITECTURES)], rows, title)]
 
 
 def _cell(run: Mapping[str, Any]) -> str:

@@ -1,74 +1,62 @@
-"""Results as tables for a terminal."""
+"""The runs as tables, for a terminal and for the README."""
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-from rich.table import Table
-
-from flipdiagram.studies.turnover.run import TurnoverResult
+from flipdiagram.grid import Grid
+from flipdiagram.studies.study import Summary
 
 JOINT_2 = 1
 
 
-def turnover_table(result: TurnoverResult) -> Table:
+def tables(summary: Summary) -> list[Grid]:
     """One row per architecture: verdict, touch-down, errors, joint-2 torque, slip, speed of the simulation."""
-    plan = result.plan
+    plan = summary["plan"]
     title = (
-        f"plan: J = {plan.cost:.3f}, release at {plan.release_time:.2f} s and {plan.release[2]:.2f} rad,"
-        f" touch-down at {plan.touchdown_time:.2f} s and {plan.landing[2]:.2f} rad"
+        f"plan: J = {plan['cost_J']:.3f}, release at {plan['release_time_s']:.2f} s and"
+        f" {plan['release_angle_rad']:.2f} rad, touch-down at {plan['touchdown_time_s']:.2f} s and"
+        f" {plan['touchdown_angle_rad']:.2f} rad"
     )
-    table = Table(title=title, title_justify="left")
-    table.add_column("architecture", no_wrap=True)
-    table.add_column("block")
-    for heading in ("touch-down\n[rad]", "at y\n[cm]", "position\nRMSE [cm]", "angle\nRMSE [rad]"):
-        table.add_column(heading, justify="right")
-    for heading in ("acceleration\nRMSE [m/s²]", "joint 2\nmax [N m]", "slip\n[mm]", "delay\n[ms]", "× real\ntime"):
-        table.add_column(heading, justify="right")
-    for run in result.runs:
-        m, landed = run.metrics, run.metrics.touchdown
-        verdict = "[green]turned over[/]" if m.success else f"[red]{m.failure}[/]"
-        table.add_row(
-            m.architecture,
-            verdict,
-            f"{landed.theta_rad:.2f}" if landed else "–",
-            f"{100 * landed.y_m:.1f}" if landed else "–",
-            f"{100 * m.position_rmse_m:.2f}",
-            f"{m.angle_rmse_rad:.3f}",
-            f"{m.acceleration_rmse_m_s2:.2f}",
-            f"{m.max_torque_Nm[JOINT_2]:.1f}",
-            "–" if math.isnan(m.max_slip_m) else f"{1000 * m.max_slip_m:.2f}",
-            f"{1000 * m.velocity_delay_s:.1f}",
-            f"{run.real_time_factor:.1f}",
-        )
-    return table
+    quantities = ["touch-down\n[rad]", "at y\n[cm]", "position\nRMSE [cm]", "angle\nRMSE [rad]"]
+    quantities += ["acceleration\nRMSE [m/s²]", "joint 2\nmax [N m]", "slip\n[mm]", "delay\n[ms]", "× real\ntime"]
+    headings = ["architecture", "block", *quantities]
+    rows = [_row(run) for run in summary["runs"]]
+    failures = [str(run["failure"]) for run in summary["runs"]]
+    return [Grid(headings, rows, title, quantities, whole=["architecture"], bad=failures)]
 
 
-def turnover_markdown(summary: dict[str, Any]) -> str:
+def _row(run: dict[str, Any]) -> list[str]:
+    landed = run["touchdown"]
+    return [
+        run["architecture"],
+        "turned over" if run["success"] else run["failure"],
+        f"{landed['theta_rad']:.2f}" if landed else "–",
+        f"{100 * landed['y_m']:.1f}" if landed else "–",
+        f"{100 * run['position_rmse_m']:.2f}",
+        f"{run['angle_rmse_rad']:.3f}",
+        f"{run['acceleration_rmse_m_s2']:.2f}",
+        f"{run['max_torque_Nm'][JOINT_2]:.1f}",
+        "–" if run["max_slip_m"] is None else f"{1000 * run['max_slip_m']:.2f}",
+        f"{1000 * run['velocity_delay_s']:.1f}",
+        f"{run['real_time_factor']:.1f}",
+    ]
+
+
+def turnover_markdown(summary: Summary) -> str:
     """The runs of a turnover summary.json as a Markdown table, as the README shows it."""
-    headings = (
-        "architecture",
-        "block",
-        "touch-down",
-        "position RMSE",
-        "acceleration RMSE",
-        "joint 2, max",
-        "slip",
-        "velocity delay",
-    )
-    lines = [" | ".join(headings), " | ".join(["---"] * 2 + ["---:"] * 6)]
-    for run in summary["runs"]:
-        landed = run["touchdown"]
-        cells = (
+    quantities = ["touch-down", "position RMSE", "acceleration RMSE", "joint 2, max", "slip", "velocity delay"]
+    rows = [
+        [
             f"`{run['architecture']}`",
             "**turned over**" if run["success"] else run["failure"],
-            f"{landed['theta_rad']:.2f} rad" if landed else "–",
+            f"{run['touchdown']['theta_rad']:.2f} rad" if run["touchdown"] else "–",
             f"{100 * run['position_rmse_m']:.2f} cm",
             f"{run['acceleration_rmse_m_s2']:.2f} m/s²",
             f"{run['max_torque_Nm'][JOINT_2]:.1f} N m",
             f"{1000 * run['max_slip_m']:.1f} mm",
             f"{1000 * run['velocity_delay_s']:.1f} ms",
-        )
-        lines.append(" | ".join(cells))
-    return "\n".join(f"| {line} |" for line in lines) + "\n"
+        ]
+        for run in summary["runs"]
+    ]
+    return Grid(["architecture", "block", *quantities], rows, right=quantities).markdown()

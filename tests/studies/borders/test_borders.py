@@ -21,7 +21,7 @@ from flipdiagram.simulation.simulate import simulate
 from flipdiagram.studies.borders import run as borders
 from flipdiagram.studies.borders.figures import FAILED, _border, plot_map
 from flipdiagram.studies.borders.maps import LAB_INERTIA, maps_of
-from flipdiagram.studies.borders.run import BordersResult, cell
+from flipdiagram.studies.borders.run import cell, map_summary, variation_summary
 from flipdiagram.studies.borders.tables import border_grid, variation_grid
 from flipdiagram.studies.borders.variations import variations_of
 
@@ -150,15 +150,15 @@ def test_the_border_is_drawn_between_cells_that_differ_and_nowhere_else(seed):
     assert drawn == expected and len(ax.lines) == len(expected)
 
 
-def result(tmp_path, cells, variations=(), varied=None):
-    drawn = maps_of(Scenario(), 2)["clearance"]
-    both = {"clearance": {name: cells for name in ARCHITECTURES}}
+def summary_of(cells, variations=(), varied=None):
+    a_map = maps_of(Scenario(), 2)["clearance"]
     varied = varied or {name: [] for name in ARCHITECTURES}
-    return BordersResult(Scenario(), (drawn,), both, tuple(variations), varied, tmp_path, False)
+    maps = [map_summary(a_map, {name: cells for name in ARCHITECTURES})]
+    return {"maps": maps, "variations": variation_summary(list(variations), varied)}
 
 
-def test_a_map_shows_errors_failures_and_missing_plans_apart(tmp_path):
-    summary = result(tmp_path, [[WON, DROPPED], [NO_PLAN, DIVERGED]]).summary()
+def test_a_map_shows_errors_failures_and_missing_plans_apart():
+    summary = summary_of([[WON, DROPPED], [NO_PLAN, DIVERGED]])
     cells = summary["maps"][0]["architectures"]["pd"]
     assert cells["success"] == [[True, False], [False, False]]
     assert cells["failure"] == [[None, "dropped at 0.3 s"], ["no plan: too far", "diverged: not finite"]]
@@ -183,11 +183,11 @@ def test_a_map_shows_errors_failures_and_missing_plans_apart(tmp_path):
             "1",
         ]
     ]
-    assert border_grid({"maps": []}) is None
+    assert not border_grid({"maps": []}).rows
 
 
-def test_a_map_where_nothing_works_can_be_drawn(tmp_path):
-    figure = plot_map(result(tmp_path, [[NO_PLAN] * 2] * 2).summary()["maps"][0])
+def test_a_map_where_nothing_works_can_be_drawn():
+    figure = plot_map(summary_of([[NO_PLAN] * 2] * 2)["maps"][0])
     assert not figure.axes[0].lines
 
 
@@ -218,7 +218,7 @@ def test_inertias_are_varied_around_the_scenarios_own(field):
     assert mine[-1].overrides == {f"arm.{field}s": pytest.approx((1.0, 2.0, 3.0, 4.0, 5.0, 7.8))}
 
 
-def test_a_verdict_that_differs_from_the_scenarios_own_is_fragile(tmp_path):
+def test_a_verdict_that_differs_from_the_scenarios_own_is_fragile():
     variations = list(variations_of(Scenario()))[:3]
     varied = {
         "pd": [DROPPED, DROPPED, WON],
@@ -226,14 +226,14 @@ def test_a_verdict_that_differs_from_the_scenarios_own_is_fragile(tmp_path):
         "pd+dob": [WON, WON, DROPPED],
         "pd+ff+dob": [WON, WON, WON],
     }
-    summary = result(tmp_path, [[WON] * 2] * 2, variations, varied).summary()
+    summary = summary_of([[WON] * 2] * 2, variations, varied)
     assert [row["fragile"] for row in summary["variations"]] == [[], [], ["pd", "pd+dob"]]
     grid = variation_grid(summary)
     assert [row[-1] for row in grid.rows] == ["–", "–", "`pd`, `pd+dob`"]
     assert [row[2] for row in grid.rows] == ["no no yes yes", "no no yes yes", "yes no no yes"]
     assert grid.rows[0][3:7] == ["0.40", "2.00", "1.0", "50.0"]
     varied["pd+ff+dob"] = [WON, NO_PLAN, DIVERGED]
-    grid = variation_grid(result(tmp_path, [[WON] * 2] * 2, variations, varied).summary())
+    grid = variation_grid(summary_of([[WON] * 2] * 2, variations, varied))
     assert grid.rows[1][3:7] == ["–"] * 4
 
 

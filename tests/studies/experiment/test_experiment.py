@@ -16,7 +16,7 @@ from flipdiagram.studies.experiment import figures as experiment_figures
 from flipdiagram.studies.experiment import mujoco as engines
 from flipdiagram.studies.experiment import run as experiment
 from flipdiagram.studies.experiment.claims import TEXTS, Row, claims_of
-from flipdiagram.studies.experiment.run import ExperimentResult, recording_name
+from flipdiagram.studies.experiment.run import body, recording_name
 from flipdiagram.studies.experiment.tables import claims_grid, engine_grid, engine_variants_grid, runs_grid
 
 STARTS = (0.0, 0.02, 0.04)
@@ -190,14 +190,9 @@ def test_without_all_architectures_there_are_no_claims(names):
     assert claims_of(rows(names=names)) == []
 
 
-def result(found, tmp_path, second=None):
-    starts = tuple(dict.fromkeys(row.start_y for row in found))
-    return ExperimentResult(Scenario(), starts, ARCHITECTURES, tuple(found), tmp_path, False, second)
-
-
 def stored(found, tmp_path, second=None):
     """The summary as a reader gets it, through the file."""
-    path = write_summary(tmp_path / "summary.json", "experiment", Scenario(), result(found, tmp_path, second).summary())
+    path = write_summary(tmp_path / "summary.json", "experiment", Scenario(), body(found, engines=second))
     return json.loads(path.read_text())
 
 
@@ -226,7 +221,7 @@ def test_tables_and_figures_stand_gaps(changes, tmp_path):
     table = {row[0]: row for row in runs_grid(summary).rows}
     assert table["slip, largest [mm]"][1] == "–"
     assert len(claims_grid(summary).rows) == 8
-    experiment_figures.plot_by_start(result(found, tmp_path).summary()["runs"])
+    experiment_figures.plot_by_start(body(found)["runs"])
     none = {name: [] for name in ARCHITECTURES}
     for figure in (experiment_figures.plot_paths, experiment_figures.plot_cone_use):
         figure(none)
@@ -281,7 +276,7 @@ def test_engines_that_disagree_are_called_fragile(tmp_path):
     assert agree["`pd+ff`"] == ("1 of 2", "1 of 2", "**fragile**: 0 of 2")  # equal counts, different flips
     assert agree["`pd+ff+dob`"] == ("2 of 2", "1 of 2", "**fragile**: 1 of 2")
     assert engine_variants_grid(summary).rows == [["soft", "yes, 3.00 rad", "–", "–", "–", "text"]]
-    assert engine_grid(stored(rows(), tmp_path)) is None
+    assert not engine_grid(stored(rows(), tmp_path)).rows
 
 
 def test_an_engine_that_breaks_down_leaves_drakes_verdict_as_it_was(tmp_path, monkeypatch):

@@ -145,13 +145,13 @@ def test_the_sentence_counts_what_unsteady_responses_do():
         {"verdict": name, "spread": 2e-4, "spread_of_fundamental": 3e-8}
         for name in ("periodic", "subharmonic", "periodic")
     ]
-    result = SimpleNamespace(unsteady=entries, measured=SimpleNamespace(study=PAPER.frequency))
-    said = frequency_tables.steadiness(result)
+    summary = {"measurement": {"unsteady": entries, "tolerance": PAPER.frequency.tolerance}}
+    said = frequency_tables.steadiness(summary)
     assert "within 1e-05" in said and "but 3, which differ by up to 0.0002, in the fundamental by up to 3e-08" in said
     assert (
         "2 settled and periodic" in said
         and "1 repeating only after several windows" in said
         and "not periodic" not in said
     )
-    result.unsteady = []
-    assert frequency_tables.steadiness(result) == "Successive windows agree within 1e-05 for every response."
+    summary["measurement"]["unsteady"] = []
+    assert frequency_tables.steadiness(summary) == "Successive windows agree within 1e-05 for every response."

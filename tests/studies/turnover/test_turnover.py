@@ -16,7 +16,7 @@ from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.simulation.recording_files import load_recording
 from flipdiagram.studies.turnover.tables import turnover_markdown
 
-COMMAND = [sys.executable, "-m", "flipdiagram.cli.main", "flip"]
+COMMAND = [sys.executable, "-m", "flipdiagram", "flip"]
 
 
 @pytest.fixture(scope="module")

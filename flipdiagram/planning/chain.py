@@ -1,7 +1,6 @@
-"""Kinematics of a serial chain of revolute joints, along many samples at once, as loops that numba compiles.
+"""Kinematics of a serial chain of revolute joints along many samples, as loops that numba compiles.
 
-The chain is described at q = 0, all in the base frame: joint i turns about the axis a_i through the point c_i; its
-link has its mass centre at g_i and the inertia I_i about it; the control point C is at `tip`, turned by `tip_turn`.  So
+The chain is described at q = 0 (robot/serial_chain.py); with joint i turning about the axis a_i through the point c_i,
     T_i(q) = T_{i-1}(q) · (rotation by q_i about a_i through c_i),
 and at q the axis is where T_{i-1} brings it, the link where T_i does.  Nothing here calls what another file compiles,
 as numba's cache would not notice that it has changed.
@@ -10,11 +9,13 @@ as numba's cache would not notice that it has changed.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from flipdiagram.planning.native.jit import jit
+from flipdiagram.arrays import Floats
+from flipdiagram.planning.jit import jit
+from flipdiagram.robot.serial_chain import SerialChain
 
 TURN = 2 * math.pi
 COS_PITCH_MIN = 1e-6
@@ -25,25 +26,44 @@ LONGEST_STEP = 0.3
 """Most that a joint turns from one sample to the next [rad], as in inverse_kinematics."""
 
 
+class Links(NamedTuple):
+    """Where joints and links are at K samples: axes and points on them (K, n, 3), mass centres (K, n, 3), inertias
+    (K, n, 3, 3); end (K, 4, 3): rotation of the control point in rows 0-2, its position in row 3; scratch (10, 3)."""
+
+    axes: Floats
+    points: Floats
+    centres: Floats
+    inertias: Floats
+    end: Floats
+    scratch: Floats
+
+
+class Along(NamedTuple):
+    """A chain that moves along K samples: P = Jᵀ (J Jᵀ)⁻¹ (K, n, 6), q̇ = P v (K, n), J' q̇ (K, 6).
+
+    regular: no pose is singular; else the numbers mean nothing.
+    """
+
+    links: Links
+    from_task: Floats
+    qd: Floats
+    bias: Floats
+    regular: bool
+
+
 @jit
-def place(
-    q: Any,
-    axes: Any,
-    points: Any,
-    centres: Any,
-    inertias: Any,
-    tip: Any,
-    tip_turn: Any,
-    massive: bool,
-    w: Any,
-    o: Any,
-    c: Any,
-    links: Any,
-    end: Any,
-    scratch: Any,
-) -> None:
-    """Fill where things are at q: axes w, points on them o (n, 3); end (4, 3): rotation in rows 0-2, position of C in
-    row 3; where `massive` the mass centres c (n, 3) and inertias `links` (n, 3, 3) too.  scratch: (10, 3)."""
+def empty_links(count: int, n: int) -> Links:
+    """Room for `count` samples of n joints."""
+    w, o, c = np.empty((count, n, 3)), np.empty((count, n, 3)), np.empty((count, n, 3))
+    return Links(w, o, c, np.empty((count, n, 3, 3)), np.empty((count, 4, 3)), np.empty((10, 3)))
+
+
+@jit
+def place(chain: SerialChain, q: Any, links: Links, k: int, massive: bool) -> None:
+    """Fill sample k of `links` for joint angles q (n,): mass centres and inertias only where `massive`."""
+    axes, points, tip, tip_turn = chain.axes, chain.points, chain.tip, chain.tip_turn
+    w, o, end, scratch = links.axes[k], links.points[k], links.end[k], links.scratch
+    c, inertia, centres, inertias = links.centres[k], links.inertias[k], chain.centres, chain.inertias
     R, E, S, p = scratch[:3], scratch[3:6], scratch[6:9], scratch[9]
     for r in range(3):
         p[r] = 0.0
@@ -76,7 +96,7 @@ def place(
                 S[r, s] = R[r, 0] * inertias[i, 0, s] + R[r, 1] * inertias[i, 1, s] + R[r, 2] * inertias[i, 2, s]
         for r in range(3):
             for s in range(3):
-                links[i, r, s] = S[r, 0] * R[s, 0] + S[r, 1] * R[s, 1] + S[r, 2] * R[s, 2]
+                inertia[i, r, s] = S[r, 0] * R[s, 0] + S[r, 1] * R[s, 1] + S[r, 2] * R[s, 2]
     for r in range(3):
         for s in range(3):
             end[r, s] = R[r, 0] * tip_turn[0, s] + R[r, 1] * tip_turn[1, s] + R[r, 2] * tip_turn[2, s]
@@ -93,8 +113,9 @@ def rates(end: Any, w_y: float, w_x: float, w_z: float) -> tuple[float, float, f
 
 
 @jit
-def jacobian(w: Any, o: Any, end: Any, J: Any) -> bool:
+def jacobian(links: Links, k: int, J: Any) -> bool:
     """Fill J (6, n) of the task coordinates (y, z, θ, x, pitch, yaw); False where pitch is ±90°."""
+    w, o, end = links.axes[k], links.points[k], links.end[k]
     if math.hypot(end[0, 0], end[1, 0]) < COS_PITCH_MIN:
         return False
     for i in range(w.shape[0]):
@@ -186,16 +207,14 @@ def bias_acceleration(qd: Any, w: Any, o: Any, end: Any, bias: Any) -> None:
 
 
 @jit
-def follow(targets: Any, tolerance: float, axes: Any, points: Any, tip: Any, tip_turn: Any, q: Any) -> int:
+def follow(chain: SerialChain, targets: Any, tolerance: float, q: Any) -> int:
     """Fill q (K, n) along the task poses (K, 6) by steps Jᵀ (J Jᵀ)⁻¹ error; q[0] is given.
 
     Each sample starts from the quadratic extrapolation of the three before.  Returns the first sample that Newton's
     method does not reach, K where it reaches all.
     """
     count, n = q.shape
-    w, o, c, links = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3, 3))
-    end, J, G, error = np.empty((4, 3)), np.empty((6, n)), np.zeros((6, 6)), np.empty(6)
-    scratch = np.empty((10, 3))
+    links, J, G, error = empty_links(1, n), np.empty((6, n)), np.zeros((6, 6)), np.empty(6)
     for k in range(1, count):
         for i in range(n):
             if k == 1:
@@ -206,11 +225,11 @@ def follow(targets: Any, tolerance: float, axes: Any, points: Any, tip: Any, tip
                 q[k, i] = 3 * (q[k - 1, i] - q[k - 2, i]) + q[k - 3, i]
         reached = False
         for _ in range(ITERATIONS):
-            place(q[k], axes, points, points, links, tip, tip_turn, False, w, o, c, links, end, scratch)
-            if pose_error(targets[k], end, error) < tolerance:
+            place(chain, q[k], links, 0, False)
+            if pose_error(targets[k], links.end[0], error) < tolerance:
                 reached = True
                 break
-            if not jacobian(w, o, end, J) or not factorise(J, G):
+            if not jacobian(links, 0, J) or not factorise(J, G):
                 break
             back(G, error)
             longest = 0.0
@@ -230,50 +249,32 @@ def follow(targets: Any, tolerance: float, axes: Any, points: Any, tip: Any, tip
 
 
 @jit
-def along(
-    q: Any,
-    v: Any,
-    axes: Any,
-    points: Any,
-    centres: Any,
-    inertias: Any,
-    tip: Any,
-    tip_turn: Any,
-    w: Any,
-    o: Any,
-    c: Any,
-    links: Any,
-    P: Any,
-    qd: Any,
-    bias: Any,
-) -> bool:
-    """Fill for joint angles q (K, n) and tool velocities v (K, 3): w, o, c (K, n, 3), links (K, n, 3, 3) of `place`,
-    P = Jᵀ (J Jᵀ)⁻¹ (K, n, 6), q̇ = P v (K, n), J' q̇ (K, 6).  False where J has no inverse."""
+def along(chain: SerialChain, q: Any, v: Any) -> Along:
+    """The chain at joint angles q (K, n), its tool moving with v (K, 3)."""
     count, n = q.shape
-    end, J, G, scratch = np.empty((4, 3)), np.empty((6, n)), np.zeros((6, 6)), np.empty((10, 3))
+    links, J, G = empty_links(count, n), np.empty((6, n)), np.zeros((6, 6))
+    P, qd, bias = np.empty((count, n, 6)), np.empty((count, n)), np.empty((count, 6))
     for k in range(count):
-        place(q[k], axes, points, centres, inertias, tip, tip_turn, True, w[k], o[k], c[k], links[k], end, scratch)
-        if not jacobian(w[k], o[k], end, J) or not factorise(J, G):
-            return False
+        place(chain, q[k], links, k, True)
+        if not jacobian(links, k, J) or not factorise(J, G):
+            return Along(links, P, qd, bias, False)
         for i in range(n):
             for r in range(6):
                 P[k, i, r] = J[r, i]
             back(G, P[k, i])  # a row of Jᵀ (J Jᵀ)⁻¹, the matrix being symmetric
             qd[k, i] = P[k, i, 0] * v[k, 0] + P[k, i, 1] * v[k, 1] + P[k, i, 2] * v[k, 2]
-        bias_acceleration(qd[k], w[k], o[k], end, bias[k])
-    return True
+        bias_acceleration(qd[k], links.axes[k], links.points[k], links.end[k], bias[k])
+    return Along(links, P, qd, bias, True)
 
 
 @jit
-def speeds(q: Any, v: Any, axes: Any, points: Any, tip: Any, tip_turn: Any, qd: Any) -> bool:
-    """Fill q̇ (K, n) alone, as `along`."""
+def speeds(chain: SerialChain, q: Any, v: Any, qd: Any) -> bool:
+    """Fill q̇ (K, n) alone, as `along`; False where a pose is singular."""
     count, n = q.shape
-    w, o, c, links = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3, 3))
-    end, J, G, y = np.empty((4, 3)), np.empty((6, n)), np.zeros((6, 6)), np.empty(6)
-    scratch = np.empty((10, 3))
+    links, J, G, y = empty_links(1, n), np.empty((6, n)), np.zeros((6, 6)), np.empty(6)
     for k in range(count):
-        place(q[k], axes, points, points, links, tip, tip_turn, False, w, o, c, links, end, scratch)
-        if not jacobian(w, o, end, J) or not factorise(J, G):
+        place(chain, q[k], links, 0, False)
+        if not jacobian(links, 0, J) or not factorise(J, G):
             return False
         for r in range(6):
             y[r] = v[k, r] if r < 3 else 0.0

@@ -1,0 +1,139 @@
+"""What a study is: one record of its command, its run, its figures, its tables, and how its results are read."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from flipdiagram.scenario.scenario import ARCHITECTURES
+
+Summary = Mapping[str, Any]
+"""summary.json as read."""
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Later:
+    """A function named 'module:function', imported when it is called: a record costs no import of Drake."""
+
+    path: str
+
+    def __call__(self, *arguments: Any, **settings: Any) -> Any:
+        """Call the function."""
+        module, name = self.path.split(":")
+        return getattr(import_module(f"flipdiagram.{module}"), name)(*arguments, **settings)
+
+
+class Option:
+    """An option of a study's command: its names, the settings of argparse, and which of the functions receive it."""
+
+    def __init__(self, *names: str, to: Sequence[str] = ("run",), **settings: Any) -> None:
+        self.names, self.to, self.settings = names, to, settings
+        self.dest: str = settings.get("dest", names[0].lstrip("-").replace("-", "_"))
+
+    def add_to(self, command: argparse.ArgumentParser) -> None:
+        """Declare it."""
+        command.add_argument(*self.names, **self.settings)
+
+
+def flag(name: str, text: str, to: Sequence[str] = ("run",)) -> Option:
+    """An option without a value."""
+    return Option(name, to=to, action="store_true", help=text)
+
+
+def architecture(name: str) -> str:
+    """The name of one of the four controllers, as argparse's `type`."""
+    if name not in ARCHITECTURES:
+        raise argparse.ArgumentTypeError(f"unknown architecture '{name}'; choose from {', '.join(ARCHITECTURES)}")
+    return name
+
+
+def positive(text: str) -> int:
+    """A whole number above 0, as argparse's `type`."""
+    with suppress(ValueError):
+        if (number := int(text)) > 0:
+            return number
+    raise argparse.ArgumentTypeError(f"'{text}' is not valid; valid is a whole number above 0")
+
+
+class _Each(argparse.Action):
+    """Keeps the first of equal values."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
+        setattr(namespace, self.dest, list(dict.fromkeys(values)))
+
+
+ARCHITECTURE = Option(
+    "--architecture",
+    dest="architectures",
+    nargs="+",
+    type=architecture,
+    action=_Each,
+    default=list(ARCHITECTURES),
+    metavar="A",
+    help=f"controllers to run (all of {', '.join(ARCHITECTURES)})",
+)
+JOBS = Option("--jobs", type=positive, metavar="N", help="processes side by side (one per core)")
+
+
+def nothing(summary: Summary, *_: Any, **__: Any) -> list[Any]:
+    """No figures, no tables."""
+    return []
+
+
+def folder_written(summary: Summary, out: Path) -> str:
+    """Where the results are."""
+    return f"written to {out}"
+
+
+@dataclass(frozen=True)
+class Study:
+    """One study; the command line, the report, `info`, completion and the contract suite loop over these records.
+
+    Args:
+        name: as in the schema 'flipdiagram/<name>/1' and in the folder out/<name>.
+        text: what its command does, in a line.
+        run: run(scenario, out, progress=, **options) writes summary.json and what belongs to it.
+        figures: figures(summary, out, progress=, **options) draws them into the folder; notes for the user.
+        tables: tables(summary) gives the Grids and lines of text that a terminal shows.
+        read: read(summary, folder) gives its results as xarray Datasets with units.
+        options: of its command, beside --scenario, --out and --quiet.
+        command: name of its command; '' where it has none of its own.
+        file: name of its summary.
+        success: what is judged, and the words for success.
+        instead: instead(scenario, **options) does what some options ask for in place of a run; whether it did.
+        otherwise: {option: study} that runs in its place where the option is given.
+        stored: stored(scenario, out, **options) gives the summary of an earlier run that would come out the same.
+        alone: whether a run needs its folder for itself.
+        written: written(summary, out) is the last line.
+    """
+
+    name: str
+    text: str
+    run: Callable[..., Any]
+    read: Callable[..., Any]
+    figures: Callable[..., list[str]] = nothing
+    tables: Callable[..., list[Any]] = nothing
+    options: tuple[Option, ...] = ()
+    command: str = ""
+    file: str = "summary.json"
+    success: tuple[str, str] = ("block", "turned over")
+    instead: Callable[..., bool] | None = None
+    otherwise: Mapping[str, str] = field(default_factory=dict)
+    stored: Callable[..., Any] | None = None
+    alone: bool = False
+    written: Callable[[Summary, Path], str] = folder_written
+
+    @property
+    def schema(self) -> str:
+        """What its summary.json begins with."""
+        return f"flipdiagram/{self.name}/1"
+
+    def given(self, arguments: Mapping[str, Any], to: str) -> dict[str, Any]:
+        """Those of the arguments that one of its functions receives."""
+        return {o.dest: arguments[o.dest] for o in self.options if to in o.to and o.dest in arguments}

@@ -1,0 +1,67 @@
+"""The pictures of a study, drawn from its results: Figs 12–15, further figures, and the replay."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from flipdiagram.figures import motion
+from flipdiagram.figures.style import save
+from flipdiagram.flips.workers import Workers
+from flipdiagram.planning import Plan
+from flipdiagram.rendering.replay import write_replay
+from flipdiagram.rendering.snapshots import take_snapshots
+from flipdiagram.scenario.scenario import Scenario, from_mapping
+from flipdiagram.simulation.recording import Recording
+from flipdiagram.simulation.recording_files import load_recording
+from flipdiagram.studies.study import Progress, Summary
+
+BEST = ("pd+ff+dob", "pd+dob", "pd+ff", "pd")
+"""Whose snapshots are taken: the first of these that was run."""
+
+
+def write_figures(
+    summary: Summary, out: Path, *, quick: bool = False, no_replay: bool = False, progress: Progress = lambda text: None
+) -> list[str]:
+    """Draw the figures and, unless quick or told not to, snapshots and replay.html; returns notes to show."""
+    recordings = {run["architecture"]: load_recording(out / run["recording"]) for run in summary["runs"]}
+    if quick or no_replay:
+        _plots(recordings, out)
+        return []
+    scenario = from_mapping(summary["scenario"])
+    with Workers(2) as workers:
+        shown = next(name for name in BEST if name in recordings)
+        tasks = [(_replay, (recordings, scenario, out)), (_strip, (recordings[shown], scenario, out))]
+        progress("rendering snapshots and replay, drawing figures")
+        pending = workers.results(_call, tasks)
+        _plots(recordings, out)
+        return [note for _, note in pending if note]
+
+
+def _call(function: Callable[..., str | None], arguments: tuple) -> str | None:
+    return function(*arguments)
+
+
+def _replay(recordings: dict[str, Recording], scenario: Scenario, out: Path) -> None:
+    write_replay(recordings, scenario, out / "replay.html")
+
+
+def _strip(recording: Recording, scenario: Scenario, out: Path) -> str | None:
+    snapshots = take_snapshots(recording, scenario)
+    _save(motion.snapshot_strip(snapshots.images, snapshots.times), out / "fig12_snapshots")
+    return snapshots.note
+
+
+def _plots(recordings: dict[str, Recording], out: Path) -> None:
+    _save(motion.plot_plan(Plan.load(out / "plan.json")), out / "plan")
+    _save(motion.plot_trajectories(recordings), out / "fig13_trajectories")
+    _save(motion.plot_velocities(recordings), out / "fig14_velocities")
+    _save(motion.plot_accelerations(recordings), out / "fig15_accelerations")
+    _save(motion.plot_sliding_angle(recordings), out / "sliding_angle")
+    _save(motion.plot_torques(recordings), out / "torques")
+
+
+def _save(axes: object, path: Path) -> None:
+    save(np.ravel(np.array(axes, dtype=object))[0].figure, path)

@@ -1,0 +1,101 @@
+"""The body of a summary.json of every study, from what a full run wrote into docs/report wherever it stands there."""
+
+import json
+from functools import lru_cache
+from pathlib import Path
+
+from flipdiagram.files import write_summary
+from flipdiagram.scenario.scenario import Scenario
+
+REPORT = Path(__file__).parent.parent / "docs" / "report" / "summary.json"
+MODES = {"turned over": 3, "slid off": 1}
+RATE = {"rate": 0.75, "low": 0.3, "high": 0.95, "modes": MODES}
+
+
+@lru_cache
+def report():
+    return json.loads(REPORT.read_text(encoding="utf-8"))
+
+
+def experiment():
+    written = report()
+    claims = [
+        {"id": c["id"], "text": c["claim"], "holds": c["holds"], "measured": c["measured"], "paper": c["paper"]}
+        | {"numbers": {}, "difference": c["remark"]}
+        for c in written["claims"]
+        if c["id"].startswith("E")
+    ]
+    return {"quick": False, "claims": claims, **written["experiment"]}
+
+
+def turnover():
+    runs = [run for run in report()["experiment"]["runs"] if run["start_y_m"] == 0.0]
+    more = [{"real_time_factor": 1.0, "recording": f"{run['architecture']}.nc"} for run in runs]
+    return {"plan": runs[0]["plan"], "runs": [{**run, **extra} for run, extra in zip(runs, more, strict=True)]}
+
+
+def borders():
+    written = report()["borders"]
+    return {"quick": False, "maps": written["maps"][:2], "variations": written["variations"][:3]}
+
+
+def frequency():
+    curve = {"architecture": "pd", "g_dis_rad_s": None, "friction": False, "omega_rad_s": [1.0, 2.0]}
+    torque = {"architecture": "pd", "omega_rad_s": 10.0, "g_dis_rad_s": [3.0, 30.0]}
+    return {
+        "quick": False,
+        "curves": [curve | {"figure": "5", "unit": "1", "value": [1.0, 0.9], "theory": [1.0, 0.9]}],
+        "torque": [torque | {"figure": "9a", "max_torque_N": [1.0, 2.0], "theory": [1.0, 2.0]}],
+        "claims": [{"id": "C14", "claim": "", "holds": True, "measured": {"largest_relative_difference": 0.0}}],
+        "measurement": {"unsteady": [], "tolerance": 1e-5},
+        "channel_steps": 2e6,
+        "seconds": 1.0,
+    }
+
+
+def campaign():
+    """As the analysis of four trials of two architectures writes it."""
+    levels = {"0.05": 0.001, "0.5": 0.002, "0.95": 0.004}
+    entry = {"flips": 4, "counted": 4, "successes": 3, "saturated": 0.0, **RATE}
+    entry["quantiles"] = {"position_rmse_m": levels, "angle_rmse_rad": levels, "max_slip_m": None}
+    pair = {"first": "pd+ff+dob", "second": "pd", "trials": 4, "first_only": 3, "second_only": 0}
+    pair |= {"difference": 0.75, "low": 0.1, "high": 0.9, "p": 0.2, "p_holm": 0.2}
+    lost = entry | {"successes": 0, "rate": 0.0, "low": 0.0, "high": 0.49, "modes": {"hit the table": 4}}
+    return {"trials": 4, "flips": 8, "architectures": {"pd": lost, "pd+ff+dob": entry}, "pairs": [pair]}
+
+
+def tuning():
+    side = {"quantile": 0.004, **RATE}
+    sides = {"trials": 4, "default": side, "tuned": side}
+    difference = {"difference": 0.1, "low": -0.1, "high": 0.3, "p": 0.5}
+    return {
+        "architecture": "pd+ff+dob",
+        "objective": "the highest success rate",
+        "quantile_name": "90 % quantile of position_rmse_m",
+        "candidates": 20,
+        "flips": 80,
+        "best": 3,
+        "gains": {"controller.k_p": {"default": 350.0, "tuned": 900.0}},
+        "search": sides,
+        "held_out": sides | {"difference": difference},
+        "history": [side | {"gains": {"controller.k_p": 350.0}, "score": 0.7}],
+    }
+
+
+BODIES = {
+    "turnover": turnover,
+    "frequency": frequency,
+    "experiment": experiment,
+    "borders": borders,
+    "replanning": lambda: {"quick": False, "cases": {}, "ways": {}, **report()["replanning"]},
+    "place": lambda: report()["place"],
+    "campaign": campaign,
+    "tuning": tuning,
+    "report": lambda: {key: value for key, value in report().items() if key not in ("schema", "versions", "scenario")},
+}
+"""By study; a plan is a file beside its summary, so it is run."""
+
+
+def write(study, folder, body=None):
+    """The summary file of a study in a folder, written as the study writes it; body: another than the recorded one."""
+    return write_summary(folder / study.file, study.name, Scenario(), BODIES[study.name]() if body is None else body)
