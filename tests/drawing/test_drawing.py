@@ -254,7 +254,7 @@ def test_offsets_of_samples_are_told():
 TEXTS = """
 import json, sys
 sys.path.insert(0, "tests")
-from test_drawing import digests
+from drawing.test_drawing import digests
 print(json.dumps(digests()))
 """
 
