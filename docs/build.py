@@ -65,6 +65,8 @@ def build(out: Path) -> list[str]:
     names = public_modules()
     for name in names:
         module = importlib.import_module(name)
+        for offered in vars(module).get("__all__", ()):
+            getattr(module, offered)  # names that are loaded at their first use
         show_templates(module)
         show_constructors(module)
         show_units(module)

@@ -23,7 +23,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.autodiffutils import AutoDiffXd
-from pydrake.common.value import Value
+from pydrake.common.value import AbstractValue, Value
 from pydrake.symbolic import Expression
 from pydrake.systems.framework import (
     BasicVector_,
@@ -67,7 +67,7 @@ class Block(LeafSystem):
         self._sources = {"t": (lambda context: context.get_time(), self.time_ticket())}
         self._parameters = {}
 
-    def input(self, name: str, size: int | Value) -> None:
+    def input(self, name: str, size: int | AbstractValue) -> None:
         """Declare an input port, a vector of `size` or an abstract value."""
         declare = self.DeclareVectorInputPort if isinstance(size, int) else self.DeclareAbstractInputPort
         port: InputPort = declare(name, size)

@@ -1,7 +1,5 @@
 """Where the arm stands before the motion: at the start of the plan, or off it by an error that nobody knows of."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from flipdiagram.arrays import Floats

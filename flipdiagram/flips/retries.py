@@ -8,8 +8,6 @@
 Whichever it is, the other trials go on, and what has ended is in the file already.
 """
 
-from __future__ import annotations
-
 from asyncio import CancelledError
 from concurrent.futures import Future
 from typing import Any, NamedTuple
