@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -197,8 +198,12 @@ def _row_time(path: Path) -> float:
 def _digest(rows: list[Any]) -> str:
     import hashlib
 
-    contents = sorted(json.dumps(row.content(), sort_keys=True) for row in rows)
-    return hashlib.sha256("\n".join(contents).encode()).hexdigest()
+    times = {"seconds", "host", "attempts", "finished", "solve_time_s"}
+    contents = [asdict(row) for row in rows]
+    contents = [{name: data for name, data in row.items() if name not in times} for row in contents]
+    for row in contents:
+        row["plan"] = row["plan"] and {name: data for name, data in row["plan"].items() if name not in times}
+    return hashlib.sha256("\n".join(sorted(json.dumps(row, sort_keys=True) for row in contents)).encode()).hexdigest()
 
 
 def _resident(pid: int) -> int:

@@ -64,7 +64,7 @@ def write_summary(path: str | os.PathLike[str], study: str, scenario: BaseModel,
     twice = head.keys() & body.keys()
     if twice:
         raise ValueError(f"{', '.join(sorted(twice))} stands in the head of a summary already")
-    content = _plain({**head, **body})
+    content = plain({**head, **body})
     return write_atomically(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
@@ -123,13 +123,14 @@ def _folder(folder: Path) -> Iterator[None]:
                 parent.rmdir()
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """As JSON gives it back: lists and numbers of Python, null for what is no finite number."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if hasattr(value, "tolist"):  # arrays and numbers of NumPy
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

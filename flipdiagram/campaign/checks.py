@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from flipdiagram.campaign.distributions import DistributionError, distribution, is_number
+from flipdiagram.campaign.distributions import distribution, is_number
 from flipdiagram.campaign.specification import UNKNOWN_SECTIONS, Dimension, Specification, elements_of, value_of
 from flipdiagram.campaign.specification_file import MOST_TRIALS, Source, SpecificationFile, parse, read
 from flipdiagram.diagrams.loop import build_loop
-from flipdiagram.errors import FlipdiagramError, InputError
+from flipdiagram.errors import InputError, PlanningError, SimulationError
 from flipdiagram.flips.flip import NOT_OF_A_FLIP
 from flipdiagram.scenario.scenario import Scenario, field_paths, from_mapping, load
 from flipdiagram.scenario.text import unknown_field
@@ -59,15 +60,10 @@ def specification(source: Source, folder: Path, changes: Mapping[str, Any] | Non
     checked = Specification(
         base=base,
         dimensions=dimensions,
-        sampler=file.sampler,
-        seed=file.seed,
         trials=_trials(source, file, dimensions),
-        architectures=file.architectures,
-        timeout=file.timeout,
-        known=file.known,
-        limit_hours=file.limit_hours,
         text=source.text,
         name=source.name,
+        **file.model_dump(exclude={"base", "vary", "trials", "tune"}),
     )
     _check_scenarios(source, checked)
     return checked
@@ -95,53 +91,47 @@ def check_estimate(specification: Specification, jobs: int, share: float = 1.0) 
 
 
 def _base(source: Source, file: SpecificationFile, folder: Path) -> Scenario:
-    try:
+    with source.located(("base",)):
         if isinstance(file.base, str):
             beside = folder / file.base
-            return load(beside if beside.is_file() else file.base)
-        return from_mapping(file.base or {})
-    except InputError as error:
-        raise source.error(_where("base", error), str(error)) from None
+            base = load(beside if beside.is_file() else file.base)
+        else:
+            base = from_mapping(file.base or {})
+    return base
 
 
 def _dimensions(source: Source, file: SpecificationFile, base: Scenario) -> tuple[Dimension, ...]:
     dimensions: list[Dimension] = []
     for key, data in file.vary.items():
-        path = ["vary", key]
-        fields = tuple(part.strip() for part in key.split(","))
+        path, fields = ("vary", key), tuple(part.strip() for part in key.split(","))
         for field in fields:
-            _check_field(source, path, field)
+            if field not in field_paths():
+                raise source.error(path, str(unknown_field(Scenario, field)))
+            if field.split(".")[0] in NOT_OF_A_FLIP:
+                text = f"{field} belongs to section III, no flip depends on it; valid are fields of a flip"
+                raise source.error(path, text)
             if any(field in dimension.fields for dimension in dimensions) or fields.count(field) > 1:
                 raise source.error(path, f"{field} stands twice; valid is once")
-        try:
+        with source.located(path, f"{key}: "):
             dimensions += _dimensions_of(base, key, fields, data)
-        except DistributionError as error:
-            raise source.error(path, f"{key}: {error}") from None
     return tuple(dimensions)
-
-
-def _check_field(source: Source, path: list[str], field: str) -> None:
-    if field not in field_paths():
-        raise source.error(path, str(unknown_field(Scenario, field)))
-    if field.split(".")[0] in NOT_OF_A_FLIP:
-        raise source.error(path, f"{field} belongs to section III, no flip depends on it; valid are fields of a flip")
 
 
 def _dimensions_of(base: Scenario, key: str, fields: tuple[str, ...], data: Any) -> list[Dimension]:
     if not (isinstance(data, Mapping) and "scale" in data):
         return [Dimension(key, fields, distribution(data))]
     if len(data) > 1:
-        raise DistributionError("valid is scale: {distribution: [numbers]} alone")
+        raise InputError("valid is scale: {distribution: [numbers]} alone")
     factor = distribution(data["scale"])
     if not all(map(is_number, factor.ends())):
-        raise DistributionError("scale takes numbers only")
+        raise InputError("scale takes numbers only")
     elements = elements_of(base, fields[0])
     if len(fields) == 1 and elements:  # each element on its own
         return [Dimension(f"{key}[{k}]", fields, factor, True, k) for k in range(len(elements))]
     for field in fields:
         value = value_of(base, field)
         if not isinstance(value, float):
-            raise DistributionError(f"{field} = {value!r} of the base cannot be scaled; valid is a number, or one list")
+            raise InputError(f"{field} = {value!r} of the base cannot be scaled; valid is a number, or one list")
     return [Dimension(key, fields, factor, True)]
 
 
@@ -171,38 +161,24 @@ def _trials(source: Source, file: SpecificationFile, dimensions: tuple[Dimension
 
 def _check_scenarios(source: Source, specification: Specification) -> None:
     """Try the base, each dimension at its borders, and the drawn scenarios."""
-    _try_loop(source, ["base"], specification.base)
+    _try_loop(source, ("base",), specification.base)
     ends = specification.at_ends()
     for k, (dimension, trial) in enumerate(ends):
-        path = ["vary", dimension.name.split("[")[0]]
-        try:
+        path = ("vary", dimension.name.split("[")[0])
+        with source.located(path):
             truth = specification.truth(trial)
             specification.believed(trial)
-        except InputError as error:
-            raise source.error(path, str(error)) from None
         if len(ends) <= BUILT or k % -(-len(ends) // BUILT) == 0:
             _try_loop(source, path, truth)
     step = -(-specification.trials // CHECKED)
     for index in range(0, specification.trials, step):
         trial = specification.trial(index)
-        try:
+        with source.located(("vary",), f"trial {index}: "):
             specification.truth(trial)
             specification.believed(trial)
-        except InputError as error:
-            raise source.error(_where("vary", error), f"trial {index}: {error}") from None
 
 
-def _try_loop(source: Source, path: list[str], scenario: Scenario) -> None:
-    try:
+def _try_loop(source: Source, path: tuple[str, ...], scenario: Scenario) -> None:
+    # where there is no motion from there: an outcome
+    with source.located(path), suppress(PlanningError, SimulationError):
         build_loop(scenario)
-    except InputError as error:
-        raise source.error(path, str(error)) from None
-    except FlipdiagramError:
-        return  # no motion from there: an outcome
-
-
-def _where(key: str, error: InputError) -> list[str]:
-    """Where the field that an error names stands in the file."""
-    if error.field is None:
-        return [key]
-    return [key, error.field] if key == "vary" else [key, *error.field.split(".")]

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flipdiagram.campaign.specification import numeric
+from flipdiagram.arrays import Floats
+from flipdiagram.campaign.distributions import is_number
 from flipdiagram.errors import InputError
 from flipdiagram.files import atomic_path
 from flipdiagram.flips.outcome import NOT_PHYSICS, SUCCESS
@@ -45,44 +46,35 @@ def load_dataset(path: str | Path) -> xr.Dataset:
 
 def to_dataset(specification: dict[str, Any], rows: list[Row]) -> xr.Dataset:
     """The rows of a campaign by trial and architecture; only trials of which there is a row."""
-    indices = sorted({row.trial for row in rows})
-    architectures = list(specification["architectures"])
-    place = {index: k for k, index in enumerate(indices)}
-    shape = (len(indices), len(architectures))
-    both = ("trial", "architecture")
-
-    joints = max((len(row.metrics["max_torque_Nm"]) for row in rows if row.metrics), default=0)
-    numbers = {name: np.full(shape, np.nan) for name in (*METRICS, "seconds", "attempts")}
-    torque = np.full((*shape, joints), np.nan)
+    architectures, names = specification["architectures"], [dimension["name"] for dimension in specification["vary"]]
+    indices = np.array([row.trial for row in rows], dtype=np.int64)
+    trials, first, trial = np.unique(indices, return_index=True, return_inverse=True)
+    at = trial, np.array([architectures.index(row.architecture) for row in rows], dtype=np.int64)
+    dims, shape = ("trial", "architecture", "joint"), (len(trials), len(architectures))
     outcome = np.full(shape, "", dtype=object)
-    seeds = np.zeros(len(indices), dtype=np.int64)
-    values: list[list[Any]] = [[None] * len(indices) for _ in specification["vary"]]
-    for row in rows:
-        at = place[row.trial], architectures.index(row.architecture)
-        outcome[at], seeds[at[0]] = row.outcome, row.seed
-        numbers["seconds"][at], numbers["attempts"][at] = row.seconds, row.attempts
-        for column, value in zip(values, row.values, strict=True):
-            column[at[0]] = value
-        if row.metrics is not None:
-            for name in METRICS:
-                numbers[name][at] = np.nan if row.metrics.get(name) is None else row.metrics[name]
-            torque[at] = row.metrics["max_torque_Nm"]
-    names = [dimension["name"] for dimension in specification["vary"]]
-    parameters = {name: ("trial", _column(column)) for name, column in zip(names, values, strict=True)}
-    units = METRICS | {"seconds": "s", "attempts": "1"}
-    data = {name: (both, array, {"units": units[name]}) for name, array in numbers.items()}
+    outcome[at] = [row.outcome for row in rows]
+    joints = max((len(row.metrics["max_torque_Nm"]) for row in rows if row.metrics), default=0)
+
+    def numbers(units: str, values: list[Any], *joints: int) -> tuple[tuple[str, ...], Floats, dict[str, str]]:
+        array = np.full((*shape, *joints), np.nan)
+        array[at] = np.array(values, dtype=float).reshape(len(rows), *joints)  # None becomes nan
+        return dims[: array.ndim], array, {"units": units}
+
+    metrics = [row.metrics or {"max_torque_Nm": [np.nan] * joints} for row in rows]
     return xr.Dataset(
         {
-            "outcome": (both, outcome.astype(str)),
-            "success": (both, outcome == SUCCESS),
-            **data,
-            "max_torque": ((*both, "joint"), torque, {"units": "N m"}),
+            "outcome": (dims[:2], outcome.astype(str)),
+            "success": (dims[:2], outcome == SUCCESS),
+            **{name: numbers(units, [row.get(name) for row in metrics]) for name, units in METRICS.items()},
+            "seconds": numbers("s", [row.seconds for row in rows]),
+            "attempts": numbers("1", [row.attempts for row in rows]),
+            "max_torque": numbers("N m", [row["max_torque_Nm"] for row in metrics], joints),
         },
         coords={
-            "trial": np.array(indices, dtype=np.int64),
+            "trial": trials,
             "architecture": architectures,
-            "seed": ("trial", seeds),
-            **parameters,
+            "seed": ("trial", np.array([rows[k].seed for k in first], dtype=np.int64)),
+            **{name: ("trial", _column([rows[k].values[j] for k in first])) for j, name in enumerate(names)},
         },
         attrs={
             "parameters": json.dumps(names),
@@ -140,4 +132,4 @@ def _flat(data: xr.Dataset) -> Any:
 
 
 def _column(values: list[Any]) -> np.ndarray:
-    return np.array(values, dtype=float) if numeric(values) else np.array([str(value) for value in values])
+    return np.array(values, dtype=float) if all(map(is_number, values)) else np.array([str(value) for value in values])

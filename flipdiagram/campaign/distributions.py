@@ -9,6 +9,8 @@ from typing import Any
 
 from scipy.special import ndtr, ndtri
 
+from flipdiagram.errors import InputError
+
 DIGITS = 9
 """Significant digits of a drawn number: it reads back from any text, and is the same on every machine."""
 KINDS = {
@@ -23,10 +25,6 @@ KINDS = {
 DISCRETE = ("integers", "choice", "grid")
 TAIL = 1e-12
 """Probability beyond which a normal distribution is not followed: 7 standard deviations."""
-
-
-class DistributionError(ValueError):
-    """A distribution that makes no sense; the message says what is valid."""
 
 
 @dataclass(frozen=True)
@@ -86,25 +84,25 @@ class Distribution:
 
 
 def distribution(data: Any) -> Distribution:
-    """From what stands in a file, {'uniform': [0, 1]}; raises DistributionError."""
+    """From what stands in a file, {'uniform': [0, 1]}; raises InputError."""
     if not isinstance(data, Mapping) or not data:
-        raise DistributionError(f"valid is one of {', '.join(f'{{{kind}: …}}' for kind in KINDS)}")
+        raise InputError(f"valid is one of {', '.join(f'{{{kind}: …}}' for kind in KINDS)}")
     for name in data:
         if name not in (*KINDS, "clip"):
-            raise DistributionError(f"'{name}' is no distribution; valid are {', '.join(KINDS)} and clip")
+            raise InputError(f"'{name}' is no distribution; valid are {', '.join(KINDS)} and clip")
     kinds = [name for name in data if name != "clip"]
     if len(kinds) != 1:
-        raise DistributionError(f"one distribution is needed; valid are {', '.join(KINDS)}")
+        raise InputError(f"one distribution is needed; valid are {', '.join(KINDS)}")
     kind, values = kinds[0], data[kinds[0]]
     if not isinstance(values, Sequence) or isinstance(values, str) or not values or not _fits(kind, values):
-        raise DistributionError(f"{kind} is not valid; valid is {KINDS[kind]}")
+        raise InputError(f"{kind} is not valid; valid is {KINDS[kind]}")
     if "clip" not in data:
         return Distribution(kind, tuple(tuple(value) if isinstance(value, list) else value for value in values))
     clip = data["clip"]
     if kind in ("choice", "grid"):
-        raise DistributionError(f"clip does not go with {kind}; valid is a list of the values wanted")
+        raise InputError(f"clip does not go with {kind}; valid is a list of the values wanted")
     if kind == "integers" or not isinstance(clip, list) or len(clip) != 2 or not _fits("uniform", clip):
-        raise DistributionError(f"clip of {kind} is not valid; valid is [low, high] with low < high, not for integers")
+        raise InputError(f"clip of {kind} is not valid; valid is [low, high] with low < high, not for integers")
     return Distribution(kind, tuple(values), (float(clip[0]), float(clip[1])))
 
 

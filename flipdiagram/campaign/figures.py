@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from flipdiagram.campaign.sensitivity import strength
+from flipdiagram.campaign.sensitivity import TARGETS, strength
 from flipdiagram.figures.style import NAMES, RC, STYLES, save
 from flipdiagram.flips.outcome import MODES, SUCCESS
 
@@ -37,13 +37,15 @@ COLOURS = {
 """Of the outcomes, in the order of `MODES`; Okabe and Ito's and Tol's, which colour-blind readers can tell apart."""
 MOST_PARAMETERS = 10
 CENTRED: Mapping[str, Any] = {"ha": "center", "va": "center"}
-TARGETS = {"success": "turned over", "position_rmse_m": "position RMSE"}
+SHOWN = ("success", "position_rmse_m")
+"""Those of `TARGETS` that have a panel."""
 
 
 def write_figures(summary: Summary, data: xr.Dataset, out: Path) -> list[str]:
     """Write every figure for which there is data, as PNG and SVG; returns their names without suffix."""
     figures = {"campaign_success": plot_success(summary)}
-    if any(_has_effect(targets) for targets in summary["sensitivity"].values()):
+    entries = [e for targets in summary["sensitivity"].values() for entries in targets.values() for e in entries]
+    if any(entry["explained"] is not None for entry in entries):
         figures["campaign_sensitivity"] = plot_sensitivity(summary)
     if summary["map"] is not None:
         figures["campaign_map"] = plot_map(summary)
@@ -94,15 +96,15 @@ def plot_sensitivity(summary: Summary) -> Figure:
     by_name = summary["sensitivity"]
     total: dict[str, float] = dict.fromkeys(summary["parameters"], 0.0)
     for targets in by_name.values():
-        for target in TARGETS:
+        for target in SHOWN:
             for entry in targets[target]:
                 total[entry["parameter"]] += strength(entry)
     parameters = sorted(total, key=lambda name: total[name])[-MOST_PARAMETERS:]
     with rc_context(RC):
         figure = Figure(figsize=(9.0, 0.42 * len(parameters) + 1.5), layout="constrained")
-        panels = figure.subplots(1, len(TARGETS), sharey=True, squeeze=False)[0]
+        panels = figure.subplots(1, len(SHOWN), sharey=True, squeeze=False)[0]
         height = 0.8 / len(by_name)
-        for ax, (target, words) in zip(panels, TARGETS.items(), strict=True):
+        for ax, target in zip(panels, SHOWN, strict=True):
             for j, (name, targets) in enumerate(by_name.items()):
                 entries = {entry["parameter"]: entry for entry in targets[target]}
                 at = [k + 0.4 - (j + 0.5) * height for k in range(len(parameters))]
@@ -114,7 +116,7 @@ def plot_sensitivity(summary: Summary) -> Figure:
                         ax.text(share + 0.8, y, "+" if rho > 0 else "−", va="center", fontsize=8, color="0.3")
             ax.set_yticks(range(len(parameters)), [_short(name) for name in parameters])
             ax.axvspan(0, 100 * summary["chance"], color="0.9", linewidth=0, zorder=0)
-            ax.set_title(f"of: {words}", fontsize=9.5)
+            ax.set_title(f"of: {TARGETS[target]}", fontsize=9.5)
             ax.set_xlim(0, None)
             _plain(ax)
         words = "share of the variance of the ranks [%];  + −: sign of the rank correlation;  grey: chance"
@@ -207,10 +209,6 @@ def plot_tuning(tuning: Summary) -> Figure:
     return figure
 
 
-def _has_effect(targets: Mapping[str, Any]) -> bool:
-    return any(entry["explained"] is not None for entries in targets.values() for entry in entries)
-
-
 def _ticks(ax: Axes, x: Mapping[str, Any], y: Mapping[str, Any]) -> None:
     for axis, set_ticks in ((x, ax.set_xticks), (y, ax.set_yticks)):
         if axis["edges"] is None:
@@ -226,8 +224,8 @@ def _text(value: float | str) -> str:
 
 def _short(name: str) -> str:
     """Fields that vary together by the first of them."""
-    parts: Sequence[str] = name.split(",")
-    return parts[0] + (" …" if len(parts) > 1 else "")
+    first, comma, _ = name.partition(",")
+    return f"{first} …" if comma else first
 
 
 def _plain(ax: Axes) -> None:

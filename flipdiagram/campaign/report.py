@@ -20,9 +20,8 @@ TUNING = "tuning.json"
 """What the tuner found, in its folder."""
 
 
-def write_analysis(file: str | Path, out: str | Path) -> dict[str, Any]:
+def write_analysis(file: Path, out: Path) -> dict[str, Any]:
     """Analyse a campaign's file, of a running one what is there; returns the summary.  Raises InputError."""
-    out = Path(out)
     data = load_dataset(file)
     specification = json.loads(data.attrs["specification"])
     body: dict[str, Any] = analyse(data)
@@ -34,15 +33,12 @@ def write_analysis(file: str | Path, out: str | Path) -> dict[str, Any]:
     return summary
 
 
-def write_tuning(tuning: dict[str, Any], base: Scenario, out: str | Path) -> dict[str, Any]:
-    """Write what the tuner found: tuning.json, tuning.md and a figure; returns the summary."""
-    out = Path(out)
+def write_tuning(tuning: dict[str, Any], base: Scenario, out: Path) -> None:
+    """Write what the tuner found: tuning.json, tuning.md and a figure."""
     save(plot_tuning(tuning), out / "tuning")
-    written = write_summary(out / TUNING, "tuning", base, tuning)
+    write_summary(out / TUNING, "tuning", base, tuning)
     text = f"# Tuned gains\n\n{tuning_section(tuning)}\n![Search and verdict](tuning.png)\n"
     write_atomically(out / "tuning.md", text)
-    summary: dict[str, Any] = json.loads(written.read_text(encoding="utf-8"))
-    return summary
 
 
 def report_section(folder: Path, names: Sequence[str] = ("campaign", "tuning")) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from flipdiagram.flips.driver import Flying, fly_all
 from flipdiagram.flips.flight import Flight, Work, fly_flight, plan_drawn_flight, provenance
 from flipdiagram.flips.flip import scenario_digest
 from flipdiagram.flips.run import Clock
-from flipdiagram.flips.store import refusal
+from flipdiagram.flips.store import refusal, to_json
 from flipdiagram.flips.store_file import open_to_write
 from flipdiagram.flips.workers import workers_of
 
@@ -62,12 +61,12 @@ def run(
     """
     file, (code, versions, _) = Path(out) / FILE, provenance()
     meta = {
-        "specification": json.dumps(specification.as_dict(), sort_keys=True, ensure_ascii=False),
+        "specification": to_json(specification.as_dict()),
         "digest": specification.digest,
         "text": specification.text,
         "rows": str(specification.rows),
         "code": code,
-        "versions": json.dumps(versions, sort_keys=True),
+        "versions": to_json(versions),
         "begun": str(time.time()),
     }
     with workers_of(jobs, scheduler) as workers:

@@ -11,8 +11,6 @@ from scipy.stats import qmc
 
 from flipdiagram.arrays import Floats
 
-SAMPLERS = ("grid", "random", "lhs", "sobol", "saltelli")
-
 
 def points(sampler: str, trials: int, dimensions: int, seed: int) -> Floats:
     """Shape (trials, dimensions), each in [0, 1); the same for the same arguments.  Not for the grid."""
@@ -34,10 +32,7 @@ def saltelli(n: int, dimensions: int, seed: int) -> Floats:
     """Rows A, B, then for each dimension A with that column from B: n (dimensions + 2) rows; n a power of two."""
     both = qmc.Sobol(2 * dimensions, rng=seed).random_base2(round(math.log2(n)))
     a, b = both[:, :dimensions], both[:, dimensions:]
-    mixed = []
-    for k in range(dimensions):
-        mixed.append(a.copy())
-        mixed[-1][:, k] = b[:, k]
+    mixed = [np.where(np.arange(dimensions) == k, b, a) for k in range(dimensions)]
     return np.concatenate([a, b, *mixed])
 
 

@@ -8,17 +8,18 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
-from scipy.stats import rankdata, sobol_indices, spearmanr
+from scipy.stats import kruskal, rankdata, sobol_indices, spearmanr
 
 from flipdiagram.arrays import Floats, Indices
 from flipdiagram.campaign.dataset import counted, parameters_of
+from flipdiagram.flips.outcome import SUCCESS
 
 FEWEST = 8
 """Trials below which nothing is said."""
 BINS = 5
 """Into which a parameter's range is cut to see effects that are not monotonic."""
-TARGETS = ("success", "position_rmse_m", "torque_use")
+TARGETS = {"success": SUCCESS, "position_rmse_m": "position RMSE", "torque_use": "torque"}
+"""Variable of the dataset → what it is called."""
 
 
 def sensitivities(data: xr.Dataset, architecture: str, target: str) -> list[dict[str, Any]]:
@@ -63,16 +64,12 @@ def groups_of(values: np.ndarray) -> Indices:
     return np.minimum((ranks * BINS).astype(np.int64), BINS - 1)
 
 
-def explained(groups: Indices, target: ArrayLike) -> float:
+def explained(groups: Indices, target: Floats) -> float:
     """Share of the variance of the target's ranks between groups, less what chance would give (ε² of Kelley)."""
-    ranks = rankdata(target)
-    n, members = len(ranks), [ranks[groups == group] for group in np.unique(groups)]
-    total = float(np.sum((ranks - ranks.mean()) ** 2))
-    within = sum(float(np.sum((part - part.mean()) ** 2)) for part in members)
-    freedom = n - len(members)
-    if total == 0 or freedom <= 0:
-        return 0.0
-    return max(1 - (within / freedom) / (total / (n - 1)), 0.0)
+    members = [target[groups == group] for group in np.unique(groups)]
+    freedom = len(target) - len(members)
+    # Kruskal and Wallis's H is (n - 1) times the share between groups
+    return max((float(kruskal(*members).statistic) - len(members) + 1) / freedom, 0.0) if freedom else 0.0
 
 
 def sobol(data: xr.Dataset, architecture: str) -> list[dict[str, Any]] | None:

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from flipdiagram.arrays import Floats
 from flipdiagram.campaign import sampling
 from flipdiagram.campaign.distributions import Distribution
@@ -173,8 +171,3 @@ def elements_of(base: Scenario, field: str) -> tuple[float, ...]:
     if given is None and field in ("arm.link_inertia_scales", "arm.reflected_inertia_scales") and not base.arm.file:
         return (1.0,) * 6
     return tuple(given) if isinstance(given, tuple) else ()
-
-
-def numeric(values: Sequence[Any]) -> bool:
-    """Whether all values are numbers, to be ranked and drawn on an axis."""
-    return all(isinstance(value, int | float | np.number) and not isinstance(value, bool) for value in values)

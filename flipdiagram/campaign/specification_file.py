@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_args
@@ -17,33 +18,11 @@ from flipdiagram.scenario.yaml_reader import Lines, line_of, read_mapping, show
 LARGEST = 1_000_000
 """Characters that a specification may have."""
 MOST_TRIALS, MOST_SEED = 10_000_000, 2**32 - 1
-METRICS = ("position_rmse_m", "angle_rmse_rad", "acceleration_rmse_m_s2", "max_slip_m")
 VARY = "'field: {distribution: [numbers]}', at least one"
 POSITIVE = "a finite number above 0"
 
 Model = TypeVar("Model", bound=BaseModel)
 Seed = Annotated[int, Field(ge=0, le=MOST_SEED, description=f"a whole number from 0 to {MOST_SEED}")]
-Chosen = Annotated[Architecture, Field(description=f"one of {', '.join(ARCHITECTURES)}")]
-
-
-class Quantile(Section):
-    """A quantile of an error, to be made small."""
-
-    quantile: float = Field(gt=0, lt=1)
-    of: Literal["position_rmse_m", "angle_rmse_rad", "acceleration_rmse_m_s2", "max_slip_m"]
-
-
-class TuneSection(Section):
-    """The section `tune`; the description of a field says what is valid."""
-
-    architecture: Chosen = "pd+ff+dob"
-    over: dict[str, Any] = Field(min_length=1, description=VARY)
-    objective: Literal["success"] | Quantile = Field(
-        "success", description=f"success, or {{quantile: 0.9, of: position_rmse_m}} with one of {', '.join(METRICS)}"
-    )
-    budget: int = Field(ge=1, le=MOST_SEED, description="a whole number of at least twice the trials")
-    held_out: int = Field(ge=4, le=MOST_SEED, description="a whole number of at least 4")
-    seed: Seed = 0
 
 
 class SpecificationFile(Section):
@@ -62,7 +41,7 @@ class SpecificationFile(Section):
     )
     timeout: float = Field(120.0, gt=0, description=POSITIVE)
     limit_hours: float = Field(12.0, gt=0, description=POSITIVE)
-    tune: Any = Field(None, description="the section that `TuneSection` checks")
+    tune: Any = Field(None, description="the section that `tuning.TuneSection` checks")
 
 
 @dataclass(frozen=True)
@@ -84,6 +63,18 @@ class Source:
         """The error of a value that is not valid."""
         at = tuple(path)
         return self.error(at, f"{': '.join(at)} = {show(value)} is not valid; valid is {valid}", value, valid)
+
+    @contextmanager
+    def located(self, path: tuple[str, ...], prefix: str = "") -> Iterator[None]:
+        """The line of a key before what is wrong with it; below `base` and `vary`, of the field that is named there."""
+        try:
+            yield
+        except InputError as error:
+            if path == ("base",):
+                path = ("base", *(error.field or "").split("."))
+            elif path == ("vary",) and error.field:
+                path = ("vary", error.field)
+            raise self.error(path, f"{prefix}{error}") from None
 
     def validated(self, model: type[Model], data: Mapping[str, Any], path: tuple[str, ...] = ()) -> Model:
         """A section of the file, checked; the first error with its line."""

@@ -6,6 +6,8 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 
+import numpy as np
+
 LEVEL = 0.95
 """Confidence of every interval."""
 
@@ -57,9 +59,6 @@ def mcnemar(first: int, second: int) -> float:
 
 def holm(p_values: Sequence[float]) -> list[float]:
     """Adjusted for having looked at all of them (Holm 1979)."""
-    order = sorted(range(len(p_values)), key=lambda k: p_values[k])
-    adjusted, largest = [0.0] * len(p_values), 0.0
-    for rank, k in enumerate(order):
-        largest = max(largest, min((len(p_values) - rank) * p_values[k], 1.0))
-        adjusted[k] = largest
-    return adjusted
+    order = np.argsort(p_values)
+    largest = np.maximum.accumulate(np.arange(len(order), 0, -1) * np.sort(p_values)).clip(max=1.0)
+    return [float(largest[rank]) for rank in np.argsort(order)]

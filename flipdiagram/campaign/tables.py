@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from flipdiagram.campaign.sensitivity import strength
+from flipdiagram.campaign.sensitivity import TARGETS, strength
 from flipdiagram.flips.outcome import NOT_PHYSICS, SUCCESS
-from flipdiagram.grid import Grid
+from flipdiagram.grid import Grid, number
 
 Summary = Mapping[str, Any]
 
@@ -47,26 +47,24 @@ def success_grid(summary: Summary) -> Grid:
     return Grid(headings, rows, right=headings[1:])
 
 
-def pair_grid(summary: Summary) -> Grid | None:
-    """Differences between architectures over the same trials; None with one architecture."""
+def pair_grid(summary: Summary) -> Grid:
+    """Differences between architectures over the same trials; no rows with one architecture."""
     rows = []
     for pair in summary["pairs"]:
         names, points = f"`{pair['first']}` − `{pair['second']}`", f"{100 * pair['difference']:+.1f}"
-        interval, only = (
-            f"{100 * pair['low']:+.1f} to {100 * pair['high']:+.1f}",
-            (pair["first_only"], pair["second_only"]),
-        )
-        rows.append([names, str(pair["trials"]), points, interval, *map(str, only), _p(pair["p_holm"])])
+        counts = [str(pair[name]) for name in ("trials", "first_only", "second_only")]
+        interval = f"{100 * pair['low']:+.1f} to {100 * pair['high']:+.1f}"
+        rows.append([names, counts[0], points, interval, *counts[1:], _p(pair["p_holm"])])
     headings = ["difference", "trials", "points", "95 % interval", "only the first", "only the second"]
     headings.append("p (McNemar, Holm)")
-    return Grid(headings, rows, right=headings[1:]) if rows else None
+    return Grid(headings, rows, right=headings[1:])
 
 
 def sensitivity_grid(summary: Summary) -> Grid:
     """The parameters that say most about success, position error and torque; those beyond chance only."""
     rows = []
     for name, targets in summary["sensitivity"].items():
-        for target, words in (("success", SUCCESS), ("position_rmse_m", "position RMSE"), ("torque_use", "torque")):
+        for target, words in TARGETS.items():
             known = [entry for entry in targets[target] if entry["explained"] is not None]
             beyond = [entry for entry in known if strength(entry) > summary["chance"]][:SHOWN]
             text = ", ".join(f"`{entry['parameter']}` {_strength(entry)}" for entry in beyond)
@@ -76,15 +74,15 @@ def sensitivity_grid(summary: Summary) -> Grid:
     return Grid(["architecture", "of", words], rows, title)
 
 
-def sobol_grid(summary: Summary) -> Grid | None:
-    """Sobol indices of success; None unless the sampler allows them."""
+def sobol_grid(summary: Summary) -> Grid:
+    """Sobol indices of success; no rows unless the sampler allows them."""
     rows = [
         [f"`{name}`", f"`{entry['parameter']}`", f"{entry['first']:.2f}", f"{entry['total']:.2f}"]
         for name, indices in summary["sobol"].items()
         for entry in sorted(indices, key=lambda entry: -entry["total"])
     ]
     headings = ["architecture", "parameter", "first", "total"]
-    return Grid(headings, rows, "Sobol indices of success", headings[2:]) if rows else None
+    return Grid(headings, rows, "Sobol indices of success", headings[2:])
 
 
 def quantile_grid(summary: Summary) -> Grid:
@@ -110,27 +108,24 @@ def section(summary: Summary, folder: str = "") -> str:
     prefix = f"{folder}/" if folder else ""
     pictures = [f"![{text}]({prefix}{name}.png)\n\n*{text}*" for name, text in FIGURES if name in summary["figures"]]
     tables = [success_grid, pair_grid, quantile_grid, sensitivity_grid, sobol_grid]
-    parts = [intro, *(_table(grid(summary)) for grid in tables), *pictures]
+    parts = [intro, *(grid(summary).section() for grid in tables), *pictures]
     return "\n\n".join(part.strip("\n") for part in parts if part) + "\n"
 
 
 def tuning_grid(tuning: Summary) -> Grid:
     """Default gains against tuned ones, on the trials of the search and on the held-out ones."""
-    rows = []
-    for name, values in tuning["gains"].items():
-        rows.append([f"`{name}`", _number(values["default"]), _number(values["tuned"])])
+    both = ("default", "tuned")
+    rows = [[f"`{name}`", *(number(values[side]) for side in both)] for name, values in tuning["gains"].items()]
     for part, words in (("search", "search"), ("held_out", "held out")):
-        trials = tuning[part]["trials"]
-        sides = [tuning[part][side] for side in ("default", "tuned")]
-        rows.append([f"{SUCCESS}, {words} ({trials} trials)", *(_rate(side) for side in sides)])
-        rows.append([f"{tuning['quantile_name']}, {words}", *(_number(side["quantile"]) for side in sides)])
-        if part == "held_out":
-            rows.append(["what became of the others, held out", *(_failures(side["modes"]) for side in sides)])
+        sides = [tuning[part][side] for side in both]
+        rows.append([f"{SUCCESS}, {words} ({tuning[part]['trials']} trials)", *map(_rate, sides)])
+        rows.append([f"{tuning['quantile_name']}, {words}", *(number(side["quantile"]) for side in sides)])
+    rows.append(["what became of the others, held out", *(_failures(side["modes"]) for side in sides)])
     held = tuning["held_out"]["difference"]
     interval = f"({100 * held['low']:+.1f} to {100 * held['high']:+.1f})"
     text = f"{100 * held['difference']:+.1f} {interval}, p {_p(held['p'])}"
     rows.append(["tuned − default, held out [points]", "", text])
-    headings = [f"`{tuning['architecture']}`", "default", "tuned"]
+    headings = [f"`{tuning['architecture']}`", *both]
     return Grid(headings, rows, right=headings[1:])
 
 
@@ -143,12 +138,6 @@ def tuning_section(tuning: Summary) -> str:
         " flips is –."
     )
     return f"{text}\n\n{tuning_grid(tuning).markdown()}"
-
-
-def _table(grid: Grid | None) -> str:
-    if grid is None or not grid.rows:
-        return ""
-    return (f"{grid.title}:\n\n" if grid.title else "") + grid.markdown()
 
 
 def _strength(entry: Mapping[str, Any]) -> str:
@@ -169,10 +158,6 @@ def _failures(modes: Mapping[str, int]) -> str:
 
 def _rate(side: Mapping[str, Any]) -> str:
     return f"{100 * side['rate']:.1f} % ({100 * side['low']:.1f}–{100 * side['high']:.1f})"
-
-
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.4g}"
 
 
 def _p(value: float) -> str:

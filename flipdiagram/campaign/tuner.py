@@ -11,7 +11,7 @@ from typing import Any
 from flipdiagram.campaign.run import WORK, Progress
 from flipdiagram.campaign.specification import Specification, value_of
 from flipdiagram.campaign.statistics import mcnemar, paired_counts, paired_difference, wilson
-from flipdiagram.campaign.tuning import Goal, Tune
+from flipdiagram.campaign.tuning import Goal, TuneSection
 from flipdiagram.errors import InputError
 from flipdiagram.flips.driver import Flying, fly_all
 from flipdiagram.flips.flight import Flight, Work
@@ -68,7 +68,7 @@ class Candidate:
 
 def tune(
     specification: Specification,
-    tuning: Tune,
+    tuning: TuneSection,
     out: str | Path,
     *,
     jobs: int | None = None,
@@ -87,24 +87,24 @@ def tune(
     clock = Clock(count * specification.trials + 2 * held_out.trials, progress)
     file = open_to_write(Path(out) / "tune.sqlite", {"digest": "flips of a tuner"})
     with file as store, workers_of(jobs, scheduler) as workers:
-        flyer = _Flyer(Flying(workers, store, work, specification.timeout, clock.tick), tuning, clock)
+        flying = Flying(workers, store, work, specification.timeout, clock.tick)
         default = {path: value_of(specification.base, path) for path in tuning.over}
-        tried = flyer.fly(specification, [default])
+        tried = _fly(specification, [default], tuning, flying, clock)
         search.tell_default(tried[0])
         while len(tried) < count:
             progress(f"{len(tried)} of {count} sets of gains, best: {_best(tried).as_dict()['rate']:.0%} turned over")
             asked = [search.ask() for _ in range(min(BATCH, count - len(tried)))]
-            new = flyer.fly(specification, [gains for _, gains in asked])
+            new = _fly(specification, [gains for _, gains in asked], tuning, flying, clock)
             for (question, _), candidate in zip(asked, new, strict=True):
                 search.study.tell(question, candidate.score)
             tried += new
         best = _best(tried)
         progress(f"the default and the best on {held_out.trials} held-out trials")
-        judged = flyer.fly(held_out, [default, best.gains])
+        judged = _fly(held_out, [default, best.gains], tuning, flying, clock)
     return _summary(specification, tuning, tried, best, judged)
 
 
-def held_out_trials(specification: Specification, tuning: Tune) -> Specification:
+def held_out_trials(specification: Specification, tuning: TuneSection) -> Specification:
     """Trials of the same distributions that the search does not see."""
     sampler = "random" if specification.sampler in ("grid", "saltelli") else specification.sampler
     seed = (specification.seed + 0x5EED) % 2**32
@@ -118,7 +118,7 @@ def _best(tried: Sequence[Candidate]) -> Candidate:
 class _Search:
     """optuna's TPE over the unit cube of the gains' distributions."""
 
-    def __init__(self, tuning: Tune) -> None:
+    def __init__(self, tuning: TuneSection) -> None:
         try:
             import optuna
         except ImportError:
@@ -142,35 +142,28 @@ class _Search:
         return question, {path: d.value(question.params[path]) for path, d in self._tuning.over.items()}
 
 
-class _Flyer:
-    """Flies sets of gains over trials; what the store holds is not flown again."""
-
-    def __init__(self, flying: Flying, tuning: Tune, clock: Clock) -> None:
-        self._flying, self._tuning, self._clock = flying, tuning, clock
-
-    def fly(self, specification: Specification, candidates: Sequence[Gains]) -> list[Candidate]:
-        """The candidates with their outcomes."""
-        name, store = self._tuning.architecture, self._flying.store
-        keys: list[list[str]] = []
-        missing: dict[str, Flight] = {}
-        for gains in candidates:
-            tuned = replace(specification, base=specification.base.with_overrides(gains))
-            flights = [(_key(f), f) for k in range(specification.trials) for f in tuned.flights(k, [name])]
-            missing |= {key: replace(f, trial=key) for key, f in flights if store.outcome(key, name) is None}
-            keys.append([key for key, _ in flights])
-        self._clock.total -= len(candidates) * specification.trials - len(missing)  # of an earlier run
-        fly_all(missing.values(), self._flying)
-        outcomes = [tuple(o for key in one if (o := store.outcome(key, name)) is not None) for one in keys]
-        return [Candidate(gains, o, self._tuning.goal) for gains, o in zip(candidates, outcomes, strict=True)]
-
-
-def _key(flight: Flight) -> str:
-    """Name of what decides the outcome."""
-    return f"{Flip(flight.truth, flight.architecture).key} {flight.plan_key}"
+def _fly(
+    specification: Specification, candidates: Sequence[Gains], tuning: TuneSection, flying: Flying, clock: Clock
+) -> list[Candidate]:
+    """Fly sets of gains over trials, apart from what the store holds: the candidates with their outcomes."""
+    name, store = tuning.architecture, flying.store
+    keys: list[list[str]] = []
+    missing: dict[str, Flight] = {}
+    for gains in candidates:
+        tuned = replace(specification, base=specification.base.with_overrides(gains))
+        flights = [flight for k in range(specification.trials) for flight in tuned.flights(k, [name])]
+        keys.append([f"{Flip(flight.truth, name).key} {flight.plan_key}" for flight in flights])
+        for key, flight in zip(keys[-1], flights, strict=True):
+            if store.outcome(key, name) is None:
+                missing[key] = replace(flight, trial=key)
+    clock.total -= len(candidates) * specification.trials - len(missing)  # of an earlier run
+    fly_all(missing.values(), flying)
+    outcomes = [tuple(o for key in one if (o := store.outcome(key, name)) is not None) for one in keys]
+    return [Candidate(gains, o, tuning.goal) for gains, o in zip(candidates, outcomes, strict=True)]
 
 
 def _summary(
-    specification: Specification, tuning: Tune, tried: Sequence[Candidate], best: Candidate, judged: Sequence[Candidate]
+    specification: Specification, tuning: TuneSection, tried: list[Candidate], best: Candidate, judged: list[Candidate]
 ) -> dict[str, Any]:
     default, tuned = judged
     counts = paired_counts(tuned.won, default.won)

@@ -6,20 +6,21 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
+from pydantic import Field
 
 from flipdiagram.campaign.checks import specification
-from flipdiagram.campaign.distributions import Distribution, DistributionError, distribution
+from flipdiagram.campaign.distributions import Distribution, distribution
 from flipdiagram.campaign.specification import Specification
-from flipdiagram.campaign.specification_file import Source, TuneSection, read
-from flipdiagram.errors import InputError
-from flipdiagram.scenario.scenario import Scenario, field_paths
-from flipdiagram.scenario.text import unknown_field
+from flipdiagram.campaign.specification_file import MOST_SEED, VARY, Seed, Source, read
+from flipdiagram.scenario.scenario import ARCHITECTURES, Architecture, Scenario, field_paths
+from flipdiagram.scenario.text import Section, unknown_field
 
 SECTIONS = ("controller", "planner")
 """Where gains and margins stand."""
+Metric = Literal["position_rmse_m", "angle_rmse_rad", "acceleration_rmse_m_s2", "max_slip_m"]
 FAILED = 10.0
 """Counted as the error of a flip that failed: more than any that succeeds."""
 
@@ -58,28 +59,43 @@ class Goal:
         return -error if quantile is not None else -FAILED - (1 - rate)
 
 
-@dataclass(frozen=True)
-class Tune:
-    """A checked section `tune`."""
+class Quantile(Section):
+    """A quantile of an error, to be made small."""
 
-    architecture: str
-    over: Mapping[str, Distribution]
-    goal: Goal
-    budget: int
+    quantile: float = Field(gt=0, lt=1)
+    of: Metric
+
+
+class TuneSection(Section):
+    """The section `tune`; the description of a field says what is valid."""
+
+    architecture: Architecture = Field("pd+ff+dob", description=f"one of {', '.join(ARCHITECTURES)}")
+    over: dict[str, Any] = Field(min_length=1, description=VARY)
+    """Distributions by the field, once `tuning` has checked them."""
+    objective: Literal["success"] | Quantile = Field(
+        "success",
+        description=f"success, or {{quantile: 0.9, of: position_rmse_m}} with one of {', '.join(get_args(Metric))}",
+    )
+    budget: int = Field(ge=1, le=MOST_SEED, description="a whole number of at least twice the trials")
     """Flips of the search."""
-    held_out: int
+    held_out: int = Field(ge=4, le=MOST_SEED, description="a whole number of at least 4")
     """Trials of the verdict."""
-    seed: int
+    seed: Seed = 0
+
+    @property
+    def goal(self) -> Goal:
+        """The objective as a number."""
+        return Goal() if isinstance(self.objective, str) else Goal(False, self.objective.quantile, self.objective.of)
 
 
-def load_tuning(path: str | Path, changes: Mapping[str, Any] | None = None) -> tuple[Specification, Tune]:
+def load_tuning(path: str | Path, changes: Mapping[str, Any] | None = None) -> tuple[Specification, TuneSection]:
     """Read and check a campaign file with its section `tune`, as `load_specification`; InputError with the line."""
     source = read(path)
     campaign = specification(source, Path(path).parent, changes)
     return campaign, tuning(source, campaign)
 
 
-def tuning(source: Source, campaign: Specification) -> Tune:
+def tuning(source: Source, campaign: Specification) -> TuneSection:
     """Check the section `tune` of a campaign."""
     data = source.data.get("tune")
     if not isinstance(data, Mapping):
@@ -87,32 +103,23 @@ def tuning(source: Source, campaign: Specification) -> Tune:
     section = source.validated(TuneSection, data, ("tune",))
     if section.budget < 2 * campaign.trials:
         raise source.bad(["tune", "budget"], section.budget, f"a whole number of at least {2 * campaign.trials}")
-    quantile = section.objective
-    return Tune(
-        section.architecture,
-        _over(source, campaign, section.over),
-        Goal() if isinstance(quantile, str) else Goal(False, quantile.quantile, quantile.of),
-        section.budget,
-        section.held_out,
-        section.seed if "seed" in section.model_fields_set else campaign.seed,
-    )
+    seed = section.seed if "seed" in section.model_fields_set else campaign.seed
+    return section.model_copy(update={"over": _over(source, campaign, section.over), "seed": seed})
 
 
 def _over(source: Source, campaign: Specification, data: Mapping[str, Any]) -> dict[str, Distribution]:
     varied = {field for dimension in campaign.dimensions for field in dimension.fields}
     over = {}
     for key, value in data.items():
-        path = ["tune", "over", key]
+        path = ("tune", "over", key)
         if key not in field_paths():
             raise source.error(path, str(unknown_field(Scenario, key)))
         if key.split(".")[0] not in SECTIONS:
             raise source.error(path, f"{key} cannot be chosen; valid are fields of {' and '.join(SECTIONS)}")
         if key in varied:
             raise source.error(path, f"{key} is uncertain in `vary`; valid is one of the two")
-        try:
+        with source.located(path, f"{key}: "):
             over[key] = distribution(value)
             for end in over[key].ends():
                 campaign.base.with_overrides({key: end})
-        except (DistributionError, InputError) as error:
-            raise source.error(path, f"{key}: {error}") from None
     return over

@@ -2,7 +2,7 @@
 
 A thread owns one child and makes one call at a time, so a crash takes no other call with it.  Threads of this process
 and of Dask's workers use the same function, `in_child`: both have the same time-outs, isolation and memory.  What
-becomes of the trial whose call ends so is decided in `retries`.
+becomes of the trial whose call ends so is decided in `driver`.
 A child is a plain subprocess on a socket pair: nothing listens, and it may be started where daemons may not fork.
 """
 
@@ -73,16 +73,12 @@ class Child:
         finally:
             child_end.close()
             os.close(alive_read)
+        self.pid = self._process.pid
         self._connection = Connection(parent_end.detach())
         self._closing = threading.Lock()
         self._closed = False
         self.calls = 0
         _children.add(self)
-
-    @property
-    def pid(self) -> int:
-        """Id of the process."""
-        return self._process.pid
 
     @property
     def spent(self) -> bool:
@@ -94,16 +90,8 @@ class Child:
 
         Raises TrialTimeoutError, WorkerLostError, or TrialError with what it raised.
         """
-        self.calls += 1
-        return self._exchange((function, arguments), timeout)
-
-    def load(self, module: str) -> None:
-        """Import what will be called: the time of a trial does not include that."""
-        self._exchange((_load, (module,)), START_TIMEOUT)
-
-    def _exchange(self, message: Any, timeout: float | None) -> Any:
         try:
-            self._connection.send(message)
+            self._connection.send((function, arguments))
             if not self._connection.poll(timeout):
                 self.close()
                 raise TrialTimeoutError(f"took longer than {timeout:g} s")
@@ -117,11 +105,6 @@ class Child:
             lost.error = error
             raise lost
         return value
-
-    def kill(self) -> None:
-        """End the process, in the middle of a call if it is in one; for any thread."""
-        with suppress(OSError):
-            self._process.kill()
 
     def close(self) -> None:
         """End the process and release what belongs to it."""
@@ -147,18 +130,20 @@ def in_child(function: Callable[..., Any], arguments: tuple[Any, ...], timeout: 
         if child is not None:
             child.close()
         child = _thread.child = _started(function.__module__)
+    child.calls += 1
     return child.call(function, arguments, timeout)
 
 
 def _started(module: str) -> Child:
-    """A new child that is ready; one lost before says nothing about a trial."""
-    for _ in range(STARTS - 1):
+    """A new child that has imported what will be called; one lost before says nothing about a trial."""
+    for start in range(1, STARTS + 1):
         child = Child()
-        with suppress(WorkerLostError):
-            child.load(module)
-            return child
-    child = Child()
-    child.load(module)
+        try:
+            child.call(_load, (module,), START_TIMEOUT)
+            break
+        except WorkerLostError:
+            if start == STARTS:
+                raise
     return child
 
 
@@ -168,9 +153,10 @@ def children() -> list[int]:
 
 
 def kill_children() -> None:
-    """End the processes of all children; a call that is under way raises WorkerLostError."""
+    """End the processes of all children, from any thread; a call that is under way raises WorkerLostError."""
     for child in list(_children):
-        child.kill()
+        with suppress(OSError):
+            os.kill(child.pid, signal.SIGKILL)
 
 
 def close_children() -> None:

@@ -6,10 +6,8 @@ from contextlib import suppress
 from typing import Any
 
 from flipdiagram.errors import InputError
-from flipdiagram.flips.flip import SOURCES
-from flipdiagram.flips.provenance import code_version
-from flipdiagram.flips.retries import first_line
-from flipdiagram.flips.workers import Workers
+from flipdiagram.flips.flip import SOURCES, code_version
+from flipdiagram.flips.workers import Workers, first_line
 
 CONNECT_TIMEOUT = 10.0
 """Seconds to wait for the scheduler."""

@@ -1,24 +1,37 @@
-"""The driver of all flips: plans each motion once, flies every trial that is missing, and keeps each as it ends."""
+"""The driver of all flips: plans each motion once, flies every trial that is missing, and keeps each as it ends.
+
+What becomes of a trial whose process hangs, crashes or is killed:
+
+* It takes longer than it may: its process is killed, and `timeout` is its outcome.
+* It raises an exception: that is a bug, `crashed` is its outcome, and the exception stands in its row.
+* Its process is lost in the middle, killed or out of memory: that says nothing about the trial.  It is tried again in a
+  new process, up to `ATTEMPTS` times; then it is `crashed` too.
+
+Whichever it is, the other trials go on, and what has ended is in the file already.
+"""
 
 from __future__ import annotations
 
-import math
 import queue
 import time
+from asyncio import CancelledError
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
-from flipdiagram.errors import SimulationError
+from flipdiagram.errors import InputError, SimulationError
+from flipdiagram.files import plain
+from flipdiagram.flips.child_process import TrialError, TrialTimeoutError
 from flipdiagram.flips.flight import Flight, Landed, Planned, Work, provenance
 from flipdiagram.flips.flip import scenario_digest
 from flipdiagram.flips.outcome import Outcome
-from flipdiagram.flips.retries import ended, gone
 from flipdiagram.flips.store import Row, Store
-from flipdiagram.flips.workers import Workers
+from flipdiagram.flips.workers import Workers, first_line
 
+ATTEMPTS = 5
+"""How often a trial is tried whose worker is lost; then it is `crashed`."""
 AHEAD = 2
 """Calls handed to the workers per call that runs: none idles, and few are lost or held in memory."""
 PARKED = 8
@@ -129,7 +142,7 @@ class _Driver:
         self._attempts[key] = self._attempts.get(key, 0) + 1
 
         def landed(future: Future[Any]) -> None:
-            planned, failure, again = ended(future, self._attempts[key], self._workers, planning=True)
+            planned, failure, again = _ended(future, self._attempts[key], self._workers, planning=True)
             if again:
                 self._plan(key, flight)
             elif failure is not None:
@@ -146,7 +159,7 @@ class _Driver:
         flight.attempts += 1
 
         def landed(future: Future[Any]) -> None:
-            result, failure, again = ended(future, flight.attempts, self._workers)
+            result, failure, again = _ended(future, flight.attempts, self._workers)
             if again:
                 self._ready.appendleft((flight, plan))
             elif failure is not None:
@@ -162,7 +175,7 @@ class _Driver:
         try:
             future = self._workers.submit(function, arguments, self._flying.timeout)
         except Exception as error:  # each kind of workers has its own
-            raise gone(self._workers, error) from None
+            raise _gone(self._workers, error) from None
         self._under_way[future] = landed
         future.add_done_callback(self._ended.put)
 
@@ -196,10 +209,10 @@ def row_of(flight: Flight, landed: Landed) -> Row:
         failure=outcome.failure,
         seed=flight.seed,
         scenario_hash=scenario_digest(flight.truth),
-        overrides=_plain(flight.overrides),
-        values=_plain(flight.values),
-        metrics=_plain(measured),
-        plan=_plain(outcome.plan),
+        overrides=plain(flight.overrides),
+        values=plain(flight.values),
+        metrics=plain(measured),
+        plan=plain(outcome.plan),
         code=landed.code,
         versions=landed.versions,
         seconds=landed.seconds,
@@ -209,10 +222,32 @@ def row_of(flight: Flight, landed: Landed) -> Row:
     )
 
 
-def _plain(value: Any) -> Any:
-    """As JSON gives it back: lists, and null for what is no finite number."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+class _Ended(NamedTuple):
+    """How a call ended: with a value, with a failure that is the trial's outcome, or so that it is tried again."""
+
+    value: Any = None
+    failure: str | None = None
+    again: bool = False
+
+
+def _ended(future: Future[Any], attempts: int, workers: Workers, planning: bool = False) -> _Ended:
+    """How a call ended that was tried so often; SimulationError where nobody is left to try it again."""
+    what = "planning " if planning else ""
+    try:
+        return _Ended(future.result())
+    except TrialTimeoutError as error:
+        return _Ended(failure=f"timeout: {what}{error}")
+    except TrialError as error:
+        if planning and isinstance(error.error, InputError):
+            raise error.error from None
+        return _Ended(failure=f"crashed: {'planning: ' if planning else ''}{error}")
+    except (Exception, CancelledError) as error:  # each kind of workers has its own
+        if not workers.alive():
+            raise _gone(workers, error) from None
+        if attempts < ATTEMPTS:
+            return _Ended(again=True)
+        return _Ended(failure=f"crashed: {what}lost its worker {ATTEMPTS} times: {first_line(error)}")
+
+
+def _gone(workers: Workers, error: BaseException) -> SimulationError:
+    return SimulationError(f"{workers.name} is gone: {first_line(error)}; what has ended is kept, --resume goes on")

@@ -16,9 +16,8 @@ import numpy as np
 from flipdiagram.diagrams.controller import nominal_inertia
 from flipdiagram.errors import FlipdiagramError, InputError, PlanningError, SimulationError
 from flipdiagram.files import versions
-from flipdiagram.flips.flip import SOURCES, Flip
+from flipdiagram.flips.flip import SOURCES, Flip, code_version
 from flipdiagram.flips.outcome import Outcome
-from flipdiagram.flips.provenance import code_version
 from flipdiagram.planning import Plan, plan_motion
 from flipdiagram.planning.planner import Planner
 from flipdiagram.robot.parts import arm_of
@@ -103,8 +102,7 @@ def fly_flight(flight: Flight, plan: str) -> Landed:
     scenario = flight.truth
     if scenario.controller.nominal_inertia is None and flight.believed.arm != scenario.arm:
         # the controller's M_n is of the arm as it is believed to be
-        fields = {"controller.nominal_inertia": _inertia(flight.believed)}
-        scenario = scenario.with_overrides(fields)
+        scenario = scenario.with_overrides({"controller.nominal_inertia": _inertia(flight.believed)})
     begin = time.perf_counter()
     outcome = fly(scenario, flight.architecture, _plan(plan), flight.recording)
     seconds = time.perf_counter() - begin
@@ -117,7 +115,8 @@ def fly(scenario: Scenario, architecture: str, plan: Plan, recording: Path | Non
     try:
         run = simulate(scenario, architecture, plan)
     except FlipdiagramError as error:
-        return Outcome(None, f"{_kind(error)}: {error}", plan.summary())
+        kind = {SimulationError: "diverged", PlanningError: "no plan"}.get(type(error), "refused")
+        return Outcome(None, f"{kind}: {error}", plan.summary())
     measured = metrics.measure(run.recording)
     if recording is not None:
         save_recording(run.recording, measured, recording, Flip(scenario, architecture).key)
@@ -126,13 +125,7 @@ def fly(scenario: Scenario, architecture: str, plan: Plan, recording: Path | Non
 
 def provenance() -> tuple[str, dict[str, str], str]:
     """Code, versions and host of this process."""
-    return code_version(SOURCES), versions() | {"numpy": np.__version__}, _host()
-
-
-def _kind(error: FlipdiagramError) -> str:
-    if isinstance(error, SimulationError):
-        return "diverged"
-    return "no plan" if isinstance(error, PlanningError) else "refused"
+    return code_version(SOURCES), versions() | {"numpy": np.__version__}, socket.gethostname()
 
 
 @cache
@@ -144,11 +137,6 @@ def _quieten_drake() -> None:
 @lru_cache(maxsize=4)
 def _plan(text: str) -> Plan:
     return Plan.from_json(text, "stored plan")
-
-
-@cache
-def _host() -> str:
-    return socket.gethostname()
 
 
 @lru_cache(maxsize=16)

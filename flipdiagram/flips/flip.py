@@ -7,10 +7,12 @@ import json
 from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from flipdiagram.diagrams.controller import check_architecture
-from flipdiagram.flips.provenance import code_version
+from flipdiagram.files import versions
+from flipdiagram.robot.model_files import urdf_directory
 from flipdiagram.scenario.scenario import FILES, Controller, Scenario
 
 PLAN_SECTIONS = ("arm", "tool", "object", "table", "task", "planner")
@@ -19,6 +21,23 @@ SOURCES = ("blocks", "diagrams", "planning", "plants", "robot", "scenario", "sim
 """Modules whose code decides what a flip measures; a test compares them with what `simulate`, `metrics` import."""
 NOT_OF_A_FLIP = ("one_dof", "frequency")
 """Sections on which no flip depends."""
+OF_A_FLIP = set(Scenario.model_fields) - set(NOT_OF_A_FLIP)
+
+
+@cache
+def code_version(modules: tuple[str, ...]) -> str:
+    """Digest of our modules (files or folders by name), the model files, and the versions of Drake, Python and ours.
+
+    A stored result is used again only where it would come out the same.
+    """
+    package = Path(__file__).parents[1]
+    files = [path for name in modules for path in (package / f"{name}.py", *sorted((package / name).rglob("*.py")))]
+    files += sorted(urdf_directory().glob("*df"))
+    digest = hashlib.sha256(json.dumps(versions(), sort_keys=True).encode())
+    for path in files:
+        if path.is_file():
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 @dataclass(frozen=True)
@@ -37,10 +56,8 @@ class Flip:
         """Name of the question: scenario as far as the architecture depends on it, architecture, code and versions."""
         scenario = self.scenario
         if "dob" not in self.architecture:  # no observer, no cut-off
-            default = Controller().g_dis
-            scenario = scenario.with_overrides({"controller.g_dis": default})
-        sections = set(Scenario.model_fields) - set(NOT_OF_A_FLIP)
-        return _digest(scenario, sections, self.architecture, code_version(SOURCES))
+            scenario = scenario.with_overrides({"controller.g_dis": Controller().g_dis})
+        return _digest(scenario, OF_A_FLIP, self.architecture, code_version(SOURCES))
 
     @property
     def plan_key(self) -> str:
@@ -50,7 +67,7 @@ class Flip:
 
 def scenario_digest(scenario: Scenario) -> str:
     """Name of a scenario, as far as the flip goes."""
-    return hashlib.sha256(_sections(scenario, set(Scenario.model_fields) - set(NOT_OF_A_FLIP)).encode()).hexdigest()
+    return hashlib.sha256(_sections(scenario, OF_A_FLIP).encode()).hexdigest()
 
 
 def _digest(scenario: Scenario, sections: Collection[str], *texts: str) -> str:

@@ -7,7 +7,7 @@ import sqlite3
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -24,15 +24,15 @@ CREATE TABLE trials (
     finished REAL NOT NULL, PRIMARY KEY (trial, architecture)
 ) WITHOUT ROWID;
 """
-CIRCUMSTANCES = ("seconds", "host", "attempts", "finished")
-"""Columns that tell how a row came about; the others do not depend on workers, their number or their order."""
-TIMES = ("solve_time_s",)
-"""Entries of a plan's summary that differ from run to run."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One flip that has ended; the mappings are plain data."""
+    """One flip that has ended; the mappings are plain data.
+
+    Seconds, host, attempts and finished tell how it came about, as the plan's `solve_time_s` does; the others do not
+    depend on workers, their number or their order.
+    """
 
     trial: int | str
     """Its number in a campaign; the key of its question in a study."""
@@ -55,11 +55,6 @@ class Row:
     attempts: int
     finished: float
     """Seconds since 1970."""
-
-    def content(self) -> dict[str, Any]:
-        """What does not depend on where and when it ran."""
-        plan = self.plan and {name: value for name, value in self.plan.items() if name not in TIMES}
-        return {k: v for k, v in asdict(self).items() if k not in CIRCUMSTANCES} | {"plan": plan}
 
 
 COLUMNS = tuple(field.name for field in fields(Row))

@@ -56,11 +56,6 @@ class Workers:
         call.add_done_callback(self._calls.discard)
         return call
 
-    def warm_up(self, function: Callable[[], object], jobs: int) -> None:
-        """Start `jobs` processes and have each call a function, such as one that imports what the work needs."""
-        for _ in range(jobs):
-            self.submit(function, (), None)
-
     def results(
         self, function: Callable[..., Result], tasks: Sequence[tuple[Any, ...]]
     ) -> Iterator[tuple[int, Result]]:
@@ -81,6 +76,11 @@ class Workers:
 def cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def first_line(error: BaseException) -> str:
+    """Of its message, or its name."""
+    return str(error).splitlines()[0] if str(error) else type(error).__name__
 
 
 def workers_of(jobs: int | None, scheduler: str | None) -> Workers:

@@ -63,7 +63,7 @@ def tune(scenario: Scenario, out: Path, *, file: str | None, **settings: Any) ->
     write_tuning(search(specification, wanted, out, **settings), specification.base, out)
 
 
-def tables(summary: Summary) -> list[Grid | None]:
+def tables(summary: Summary) -> list[Grid]:
     """Success rates, and the differences between architectures."""
     return [success_grid(summary), pair_grid(summary)]
 

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from flipdiagram.campaign.distributions import Distribution, DistributionError, distribution
+from flipdiagram.campaign.distributions import Distribution, distribution
 from flipdiagram.campaign.sampling import grid, points, saltelli, seeds
+from flipdiagram.errors import InputError
 
 
 @pytest.mark.parametrize("trials", [1, 7, 40])
@@ -113,5 +114,5 @@ def test_no_value_is_beyond_the_ends(u, low, width):
     ],
 )
 def test_a_distribution_that_makes_no_sense_is_refused(data, words):
-    with pytest.raises(DistributionError, match=words):
+    with pytest.raises(InputError, match=words):
         distribution(data)

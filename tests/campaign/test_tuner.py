@@ -1,5 +1,6 @@
 """The tuner: it finds what it can, judges on trials it has not seen, and goes on where it was."""
 
+import json
 import shutil
 
 import pytest
@@ -84,7 +85,8 @@ def test_a_goal_prefers_success_then_the_smaller_error():
 
 
 def test_the_result_is_written_with_its_figure(found, tmp_path):
-    summary = write_tuning(found[1], wanted()[0].base, tmp_path)
+    write_tuning(found[1], wanted()[0].base, tmp_path)
+    summary = json.loads((tmp_path / "tuning.json").read_text())
     assert summary["schema"] == "flipdiagram/tuning/1"
     page = (tmp_path / "tuning.md").read_text()
     assert "`controller.k_p`" in page and "held out (40 trials)" in page

@@ -14,7 +14,7 @@ import xarray as xr
 
 from flipdiagram.errors import InputError
 from flipdiagram.files import atomic_path, write_summary
-from flipdiagram.flips.provenance import code_version
+from flipdiagram.flips.flip import code_version
 from flipdiagram.scenario.one_dof import Frequency, OneDof
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.studies.frequency import realisations

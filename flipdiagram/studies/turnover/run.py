@@ -53,7 +53,8 @@ def run(
     build_loop(scenario, architectures[0])  # what is wrong with the scenario shows before anything is written
     with Workers(jobs) as workers:
         # the workers import Drake while this process plans
-        workers.warm_up(_import_only, min(jobs or len(architectures), len(architectures)))
+        for _ in range(min(jobs or len(architectures), len(architectures))):
+            workers.submit(_import_only, (), None)
         progress("planning")
         plan = plan_motion(scenario)
         progress(f"planned in {plan.solve_time:.2f} s: J = {plan.cost:.3f}; simulating {', '.join(architectures)}")
