@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from flipdiagram.campaign.dataset import counted, parameters_of
-from flipdiagram.campaign.sensitivity import TARGETS, chance, groups_of, sensitivities, sobol, strength
+from flipdiagram.campaign.sensitivity import TARGETS, chance, groups_of, sensitivities, sobol, strengths
 from flipdiagram.campaign.statistics import holm, mcnemar, paired_counts, paired_difference, wilson
 from flipdiagram.flips.outcome import MODES
 from flipdiagram.simulation.metrics import SATURATED
@@ -25,6 +26,7 @@ MOST_CELLS = 8
 def analyse(data: xr.Dataset) -> dict[str, Any]:
     """All of it as plain data, the body of summary.json; of a campaign that runs, what is there so far."""
     names = [str(name) for name in data["architecture"].values]
+    sensitivity = {name: {target: sensitivities(data, name, target) for target in TARGETS} for name in names}
     return {
         "trials": int(data.attrs["trials"]),
         "flips": int((data["outcome"] != "").sum()),
@@ -32,10 +34,10 @@ def analyse(data: xr.Dataset) -> dict[str, Any]:
         "parameters": parameters_of(data),
         "architectures": {name: _architecture(data.sel(architecture=name)) for name in names},
         "pairs": _pairs(data, names),
-        "sensitivity": {name: {target: sensitivities(data, name, target) for target in TARGETS} for name in names},
+        "sensitivity": sensitivity,
         "chance": chance(int(data.sizes["trial"])),
         "sobol": {name: indices for name in names if (indices := sobol(data, name)) is not None},
-        "map": success_map(data, names),
+        "map": _success_map(data, names, sensitivity),
     }
 
 
@@ -81,18 +83,10 @@ def _pairs(data: xr.Dataset, names: list[str]) -> list[dict[str, Any]]:
     return [pair | {"p_holm": p} for pair, p in zip(pairs, adjusted, strict=True)]
 
 
-def most_important(data: xr.Dataset, names: list[str]) -> list[str]:
-    """The parameters by what they say about success, averaged over the architectures."""
-    total = dict.fromkeys(parameters_of(data), 0.0)
-    for name in names:
-        for entry in sensitivities(data, name, "success"):
-            total[entry["parameter"]] += strength(entry)
-    return sorted(total, key=lambda parameter: -total[parameter])
-
-
-def success_map(data: xr.Dataset, names: list[str]) -> dict[str, Any] | None:
+def _success_map(data: xr.Dataset, names: list[str], sensitivity: Mapping[str, Any]) -> dict[str, Any] | None:
     """Success over the two parameters that matter most; None with fewer than two."""
-    parameters = most_important(data, names)[:2]
+    total = strengths(sensitivity, ["success"])
+    parameters = sorted(total, key=lambda parameter: -total[parameter])[:2]
     if len(parameters) < 2 or not data.sizes["trial"]:
         return None
     cells = int(np.clip(np.sqrt(data.sizes["trial"] / PER_CELL), 2, MOST_CELLS))

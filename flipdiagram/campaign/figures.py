@@ -14,7 +14,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from flipdiagram.campaign.sensitivity import TARGETS, strength
+from flipdiagram.campaign.sensitivity import TARGETS, strength, strengths
 from flipdiagram.figures.style import NAMES, RC, STYLES, save
 from flipdiagram.flips.outcome import MODES, SUCCESS
 
@@ -62,15 +62,14 @@ def plot_success(summary: Summary) -> Figure:
     with rc_context(RC):
         figure = Figure(figsize=(9.0, 0.5 * len(names) + 1.6), layout="constrained")
         left, right = figure.subplots(1, 2, sharey=True, width_ratios=(1, 1.3))
+        modes = [mode for mode in MODES if any(mode in e["modes"] for e in summary["architectures"].values())]
         for k, name in enumerate(names):
             entry = summary["architectures"][name]
             interval, colour = [100 * entry["low"], 100 * entry["high"]], STYLES[name].color
             left.plot(interval, [k, k], color=colour, linewidth=5, alpha=0.4)
             if entry["rate"] is not None:
                 left.plot(100 * entry["rate"], k, "o", color=colour, markersize=7)
-        modes = [mode for mode in MODES if any(mode in e["modes"] for e in summary["architectures"].values())]
-        for k, name in enumerate(names):
-            entry, start = summary["architectures"][name], 0.0
+            start = 0.0
             for mode in modes:
                 share = 100 * entry["modes"].get(mode, 0) / max(entry["flips"], 1)
                 label = mode if k == 0 else None
@@ -94,12 +93,8 @@ def plot_success(summary: Summary) -> Figure:
 def plot_sensitivity(summary: Summary) -> Figure:
     """For each architecture the share of the variance of the ranks that goes with each parameter, with its sign."""
     by_name = summary["sensitivity"]
-    total: dict[str, float] = dict.fromkeys(summary["parameters"], 0.0)
-    for targets in by_name.values():
-        for target in SHOWN:
-            for entry in targets[target]:
-                total[entry["parameter"]] += strength(entry)
-    parameters = sorted(total, key=lambda name: total[name])[-MOST_PARAMETERS:]
+    total = strengths(by_name, SHOWN)
+    parameters = sorted(total, key=total.__getitem__)[-MOST_PARAMETERS:]
     with rc_context(RC):
         figure = Figure(figsize=(9.0, 0.42 * len(parameters) + 1.5), layout="constrained")
         panels = figure.subplots(1, len(SHOWN), sharey=True, squeeze=False)[0]

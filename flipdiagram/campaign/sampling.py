@@ -23,9 +23,7 @@ def points(sampler: str, trials: int, dimensions: int, seed: int) -> Floats:
     if sampler == "sobol":
         # drawn to the next power of two, where the sequence is balanced; a shorter campaign is its beginning
         return qmc.Sobol(dimensions, rng=seed).random_base2(math.ceil(math.log2(trials)) if trials > 1 else 0)[:trials]
-    if sampler == "saltelli":
-        return saltelli(trials // (dimensions + 2), dimensions, seed)
-    raise ValueError(f"sampler {sampler!r}")
+    return saltelli(trials // (dimensions + 2), dimensions, seed)
 
 
 def saltelli(n: int, dimensions: int, seed: int) -> Floats:

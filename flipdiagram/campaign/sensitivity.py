@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,14 @@ def sensitivities(data: xr.Dataset, architecture: str, target: str) -> list[dict
 def strength(entry: Mapping[str, Any]) -> float:
     """By which parameters are ordered: the larger of rho² and the share explained."""
     return max((entry["rho"] or 0.0) ** 2, entry["explained"] or 0.0)
+
+
+def strengths(sensitivity: Mapping[str, Any], targets: Collection[str]) -> dict[str, float]:
+    """Parameter → its strength, summed over the architectures of a summary's sensitivity and some targets."""
+    total: dict[str, float] = {}
+    for entry in (entry for by_target in sensitivity.values() for target in targets for entry in by_target[target]):
+        total[entry["parameter"]] = total.get(entry["parameter"], 0.0) + strength(entry)
+    return total
 
 
 def chance(trials: int) -> float:

@@ -37,7 +37,7 @@ AHEAD = 2
 PARKED = 8
 """Trials that may wait for plans, per call handed out: one plan may be shared by all of a million."""
 COMMITTED = 100
-"""Trials without a motion that are kept at once."""
+"""Trials that are kept at once, where more have ended or have no motion."""
 LOOK = 5.0
 """Seconds between two looks at how many workers there are."""
 
@@ -90,21 +90,16 @@ class _Driver:
                 pass
             if not self._under_way:
                 break
-            for future in self._some_ended():
-                self._under_way.pop(future)(future)
-            self._keep()
+            future = self._ended.get()
+            self._under_way.pop(future)(future)
+            if self._ended.empty() or len(self._landed) > COMMITTED:
+                self._keep()
         self._keep()
 
     def _window(self) -> int:
         if time.monotonic() - self._looked > LOOK:
             self._width, self._looked = max(self._workers.width(), 1), time.monotonic()
         return AHEAD * self._width
-
-    def _some_ended(self) -> list[Future[Any]]:
-        some = [self._ended.get()]
-        while not self._ended.empty():
-            some.append(self._ended.get())
-        return some
 
     def _hand_out(self) -> bool:
         """Give the workers one more call; False where there is none now."""

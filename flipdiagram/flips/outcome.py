@@ -52,18 +52,11 @@ def mode_of(failure: str | None, metrics: FlipMetrics | None) -> str:
     if failure.startswith("dropped"):
         lifted = metrics is not None and metrics.max_lift_off_m > metrics.max_slip_m
         return "tipped" if lifted else "slid off"
-    for start, mode in (
-        ("blade hit the table", "hit the table"),
-        ("landed", "wrong angle"),
-        ("never", "never landed"),
-        ("no plan", "no plan"),
-        ("diverged", "diverged"),
-        ("timeout", "timeout"),
-        ("crashed", "crashed"),
-    ):
+    for start, mode in (("blade hit the table", "hit the table"), ("landed", "wrong angle"), ("never", "never landed")):
         if failure.startswith(start):
             return mode
-    return "refused"
+    kind = failure.partition(":")[0]
+    return kind if kind in MODES else "refused"
 
 
 @dataclass(frozen=True)
