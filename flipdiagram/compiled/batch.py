@@ -5,13 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flipdiagram.arrays import Floats, Indices
-from flipdiagram.compiled.layout import Layout, common_count, rows_of, series_of
+from flipdiagram.compiled.layout import Layout, common_count, series_of
 from flipdiagram.errors import InputError
 
 _LATEST = 2**53  # beyond, tick numbers are no longer exact floats
@@ -67,22 +66,9 @@ class BatchDiagram(ABC):
         self._default_state = layout.read_state(context)
 
     @property
-    def default_parameters(self) -> dict[str, Floats]:
-        """Name -> (size,), as in the diagram's default Context."""
-        return self.layout.parameters.split(self._default_parameters.copy())
-
-    @property
     def default_state(self) -> dict[str, Floats]:
         """Name -> (size,), as in the diagram's default Context."""
         return self.layout.states.split(self._default_state.copy())
-
-    def parameters_from(self, context: Any) -> dict[str, Floats]:
-        """Name -> (size,) of a Context of the diagram, for instance one set up with the blocks' own setters."""
-        return self.layout.parameters.split(self.layout.read_parameters(context))
-
-    def state_from(self, context: Any) -> Floats:
-        """All states, (states,), of a Context of the diagram."""
-        return self.layout.read_state(context)
 
     def time(self, tick: ArrayLike) -> Floats:
         """The time [s] of a tick: offset + tick * period, as Drake computes it."""
@@ -223,18 +209,10 @@ class BatchDiagram(ABC):
         inputs: Mapping[str, ArrayLike] | None,
     ) -> tuple[Floats, Floats, Floats]:
         """Flat parameters, state and inputs of one channel; inputs not given are 0."""
-        names = self.layout.inputs
-        point = np.zeros(names.size)
-        for name, value in (inputs or {}).items():
-            point[names.find(name)] = _single(rows_of("input", name, value, names.find(name).size))
-        values = self.layout.parameters.spread(parameters or {}, self._default_parameters)
-        return _single(values), _single(self._states(state)), point
-
-
-def _single(rows: Floats) -> Floats:
-    if rows.shape[0] != 1:
-        raise InputError(f"an operating point is of one channel; {rows.shape[0]} were given")
-    return np.asarray(rows[0])
+        given = self._channels(0, parameters, state, dict.fromkeys(self.inputs, 0.0) | dict(inputs or {}), 0)
+        if given.ticks.size != 1:
+            raise InputError(f"an operating point is of one channel; {given.ticks.size} were given")
+        return given.parameters[0], given.state[0], given.inputs[0, 0]
 
 
 def _integers(name: str, value: ArrayLike) -> Indices:

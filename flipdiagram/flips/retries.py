@@ -12,7 +12,7 @@ from asyncio import CancelledError
 from concurrent.futures import Future
 from typing import Any, NamedTuple
 
-from flipdiagram.errors import InputError, SimulationError
+from flipdiagram.errors import InputError, SimulationError, first_line
 from flipdiagram.flips.child_process import TrialError, TrialTimeoutError
 from flipdiagram.flips.workers import Workers
 
@@ -50,8 +50,3 @@ def ended(future: Future[Any], attempts: int, workers: Workers, planning: bool =
 def gone(workers: Workers, error: BaseException) -> SimulationError:
     """The error of workers that can no longer be used."""
     return SimulationError(f"{workers.name} is gone: {first_line(error)}; what has ended is kept, --resume goes on")
-
-
-def first_line(error: BaseException) -> str:
-    """Of its message, or its name."""
-    return str(error).splitlines()[0] if str(error) else type(error).__name__
