@@ -27,7 +27,6 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.symbolic import Expression
 from pydrake.systems.framework import (
     BasicVector_,
-    CacheEntry,
     DependencyTicket,
     InputPort,
     LeafSystem,
@@ -56,6 +55,8 @@ class Block(LeafSystem):
 
     scalar: type = float
     """T: float, AutoDiffXd or Expression."""
+    numeric_parameter_names: tuple[str, ...] = ()
+    """In the order of the Context; `compiled` calls them so."""
     _sources: dict[str, tuple[Callable[[ScalarContext], Any], DependencyTicket]]
     _parameters: dict[str, tuple[int, Callable[..., Array]]]
 
@@ -95,6 +96,7 @@ class Block(LeafSystem):
             values = context.get_numeric_parameter(index).CopyToVector()
             return values if len(shape) == 1 else values.reshape(shape)
 
+        self.numeric_parameter_names = (*self.numeric_parameter_names, name)
         self._parameters[name] = index, lambda given: check(name, given, len(default), **bounds)
         self._sources[name] = read, self.numeric_parameter_ticket(NumericParameterIndex(index))
 
@@ -127,7 +129,9 @@ class Block(LeafSystem):
         )
         entry = self.DeclareCacheEntry(", ".join(names), producer, tickets)
         for i, name in enumerate(names):
-            self.DeclareVectorOutputPort(name, size, partial(_write_one, entry, i), {entry.ticket()})
+            self.DeclareVectorOutputPort(
+                name, size, lambda context, output, i=i: output.set_value(entry.Eval(context)[i]), {entry.ticket()}
+            )
 
     def update(self, law: Law, period: float, offset: float = 0.0) -> None:
         """Declare that the state becomes the value of a law each `period`, first at `offset` [s]."""
@@ -160,10 +164,6 @@ class Block(LeafSystem):
                 read = partial(_constant, getattr(self, name))
             reads.append(read)
         return lambda context: law(*[read(context) for read in reads]), tickets
-
-
-def _write_one(entry: CacheEntry, i: int, context: ScalarContext, output: Any) -> None:
-    output.set_value(entry.Eval(context)[i])
 
 
 def _constant(value: Any, context: ScalarContext) -> Any:

@@ -44,8 +44,6 @@ class SinusoidalCommand(Block):
     Outputs `x_cmd` [m], `v_cmd` [m/s], `a_cmd` [m/s^2]: shape (n,), functions of time.
     """
 
-    numeric_parameter_names = ("omega", "amplitude")
-
     def __init__(self, omega: ArrayLike, amplitude: ArrayLike = 1.0) -> None:
         self.parameter("omega", omega, strict=True)
         n = self.omega.size
@@ -62,8 +60,6 @@ class SinusoidalNoise(Block):
     Numeric parameters of the Context, one number per channel: `omega` w [rad/s] > 0, `amplitude` A.
     Output `noise`: shape (n,), in the unit of the amplitude, [m/s] for a velocity.
     """
-
-    numeric_parameter_names = ("omega", "amplitude")
 
     def __init__(self, omega: ArrayLike, amplitude: ArrayLike = 1.0) -> None:
         self.parameter("omega", omega, strict=True)
@@ -82,8 +78,6 @@ class BroadbandNoise(Block):
     `rms` is a numeric parameter of the Context, one number per channel.
     Output `noise`: shape (n,), in the unit of rms, [m/s] for a velocity.
     """
-
-    numeric_parameter_names = ("rms",)
 
     def __init__(self, rms: ArrayLike, period: float, seed: ArrayLike = 1) -> None:
         self.parameter("rms", rms)

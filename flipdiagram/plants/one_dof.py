@@ -95,8 +95,6 @@ class OneDofPlant(Block):
     feeds through: shape (n,).
     """
 
-    numeric_parameter_names = ("mass", "f_c", "d", "gravity")
-
     def __init__(
         self,
         mass: ArrayLike,

@@ -123,7 +123,7 @@ class Windows:
         self.omega = np.asarray(omega, dtype=float)
         n = len(self.omega)
         if ticks is None:
-            ticks = [whole_periods(value, loop.period, SHORTEST_WINDOW)[0] for value in self.omega]
+            ticks = [whole_periods(value, loop.period, SHORTEST_WINDOW) for value in self.omega]
         self.ticks = np.array(ticks, dtype=np.int64)
         periods = self.ticks * self.omega * loop.period / (2 * np.pi)
         self.rest = periods - np.rint(periods)
