@@ -11,7 +11,6 @@ import pydrake.math as scalar_math
 from numpy.typing import ArrayLike
 
 from flipdiagram.arrays import Array
-from flipdiagram.blocks._checks import sampling
 from flipdiagram.blocks._scalars import choose
 from flipdiagram.blocks.block import Block, convertible
 
@@ -101,13 +100,11 @@ class LockIn(Block):
     only_looks_on = True
 
     def __init__(self, omega: ArrayLike, period: float, start_time: ArrayLike = 0.0) -> None:
-        self.parameter("omega", omega, strict=True)
-        n = self.omega.size
+        n = self.parameter("omega", omega, strict=True)
         self.parameter("start_time", start_time, n)
-        self.period, _ = sampling(period)
         self.input("y", n)
         state = self.state("sums", 3 * n)
-        self.update(lock_in_sums, self.period)
+        self.update(lock_in_sums, period)
         self.DeclareStateOutputPort("sums", state)
 
 
@@ -125,10 +122,9 @@ class Peak(Block):
     def __init__(self, num_channels: int, period: float, start_time: ArrayLike = 0.0) -> None:
         self.num_channels, n = num_channels, num_channels
         self.parameter("start_time", start_time, n)
-        self.period, _ = sampling(period)
         self.input("y", n)
         state = self.state("peaks", [-np.inf] * n + [np.inf] * n)
-        self.update(next_peaks, self.period)
+        self.update(next_peaks, period)
         self.DeclareStateOutputPort("peaks", state)
 
 
@@ -145,9 +141,8 @@ class RootMeanSquare(Block):
     def __init__(self, num_channels: int, period: float, start_time: ArrayLike = 0.0) -> None:
         self.num_channels = num_channels
         self.parameter("start_time", start_time, num_channels)
-        self.period, _ = sampling(period)
         self.input("y", num_channels)
         self.input("reference", num_channels)
         self.state("squares", 2 * num_channels)
-        self.update(next_squares, self.period)
+        self.update(next_squares, period)
         self.output("rms", num_channels, root_mean_square)

@@ -152,10 +152,7 @@ class BatchDiagram(ABC):
 
     def _outputs_after(self, given: Channels, final: Floats) -> Floats:
         """All outputs (n, outputs) after the last update: those that a run of no ticks records."""
-        rows = given.inputs.shape[1]
-        held = (
-            given.inputs[np.arange(len(final)), np.minimum(given.ticks, rows - 1)] if rows > 1 else given.inputs[:, 0]
-        )
+        held = given.inputs[np.arange(len(final)), np.minimum(given.ticks, given.inputs.shape[1] - 1)]
         still = Channels(np.zeros_like(given.ticks), given.start + given.ticks, final, given.parameters, held[:, None])
         size = self.layout.outputs.size
         return self.advance(still, np.arange(size), min(size, 1), 1, 1)[1].reshape(len(final), size)
@@ -201,18 +198,6 @@ class BatchDiagram(ABC):
             named[name] = np.arange(len(columns), len(columns) + signals[name].size)
             columns += signals[name].tolist()
         return named, np.array(columns, dtype=np.int64)
-
-    def operating_point(
-        self,
-        parameters: Mapping[str, ArrayLike] | None,
-        state: Mapping[str, ArrayLike] | ArrayLike | None,
-        inputs: Mapping[str, ArrayLike] | None,
-    ) -> tuple[Floats, Floats, Floats]:
-        """Flat parameters, state and inputs of one channel; inputs not given are 0."""
-        given = self._channels(0, parameters, state, dict.fromkeys(self.inputs, 0.0) | dict(inputs or {}), 0)
-        if given.ticks.size != 1:
-            raise InputError(f"an operating point is of one channel; {given.ticks.size} were given")
-        return given.parameters[0], given.state[0], given.inputs[0, 0]
 
 
 def _integers(name: str, value: ArrayLike) -> Indices:

@@ -45,7 +45,10 @@ class CompiledDiagram(BatchDiagram):
 
         The derivative of the branch taken, for choices (min, max, if-then-else); 0 for steps (floor, ceil).
         """
-        point = self.operating_point(parameters, state, inputs)
+        given = self._channels(0, parameters, state, dict.fromkeys(self.inputs, 0.0) | dict(inputs or {}), 0)
+        if given.ticks.size != 1:
+            raise InputError(f"an operating point is of one channel; {given.ticks.size} were given")
+        point = given.parameters[0], given.state[0], given.inputs[0, 0]
         return linearize(self.program, self.layout, *point, int(tick))
 
     def advance(
