@@ -43,7 +43,7 @@ class CompiledDiagram(BatchDiagram):
     ) -> Linearization:
         """A, B, C, D about a point of one channel, exact to rounding; inputs not given are 0.
 
-        The derivative of the branch taken, for choices (min, max, if-then-else); 0 for steps (floor, ceil).
+        The derivative of the branch taken, for choices (min, max, if-then-else); 0 for floor, ceil and abs at 0.
         """
         given = self._channels(0, parameters, state, dict.fromkeys(self.inputs, 0.0) | dict(inputs or {}), 0)
         if given.ticks.size != 1:
