@@ -33,9 +33,6 @@ SYMBOLS = {
     "block_pose": "block {0}",
     "sliding_angle": "sliding angle φ",
     "cone_use": "friction cone used",
-    "centre_of_pressure": "centre of pressure",
-    "normal_force": "normal force",
-    "slip": "slip",
     "lift_off": "lift-off",
     "contact_force": "{0}",
 }
@@ -113,7 +110,8 @@ def plot_path(data: xr.Dataset, ax: Axes | None) -> Axes:
     panel = ax if ax is not None else new_axes(1, (5.2, 5.4))[0]
     moving, line = data.sel(time=slice(0.0, data.attrs["end_time_s"])), line_of(data)
     if not moving.sizes["time"]:
-        raise InputError(f"the recording has no sample between 0 and {data.attrs['end_time_s']} s, the motion")
+        valid = f"samples between 0 and {data.attrs['end_time_s']} s, the motion"
+        raise InputError(f"the recording lacks {valid}", field="recording", value=data.sizes["time"], valid=valid)
     command, response = moving["x_cmd"].values, moving["x"].values
     panel.plot(command[:, 0], command[:, 1], label="command", **STYLES["command"].line())
     panel.plot(response[:, 0], response[:, 1], **line)
@@ -136,7 +134,8 @@ def plot_margins(data: xr.Dataset, axes: Sequence[Axes] | None) -> Sequence[Axes
     """See `FlipAccessor.margins`."""
     if missing := [name for name, _, _ in MARGINS if name not in data]:
         valid = "a recording of this version"
-        raise InputError(f"the recording lacks {', '.join(missing)}; valid is {valid}", value=missing, valid=valid)
+        message = f"the recording lacks {', '.join(missing)}; valid is {valid}"
+        raise InputError(message, field="recording", value=missing, valid=valid)
     panels = _time_panels(len(MARGINS), axes, (8.0, 5.0), columns=2)
     happened, line, release = events(data), line_of(data), float(data.attrs["release_time_s"])
     lost = happened.get("release", happened.get("block lost", float(data.attrs["end_time_s"])))
@@ -150,7 +149,7 @@ def plot_margins(data: xr.Dataset, axes: Sequence[Axes] | None) -> Sequence[Axes
         # what comes after the release is another contact, not a margin
         realised = factor * shown[signal].where(shown["time"] <= lost).values
         panel.plot(shown["time"], realised, **line | {"label": f"realised, {line['label']}"})
-        panel.set_ylabel(f"{SYMBOLS[signal]} [{unit}]")
+        panel.set_ylabel(f"{SYMBOLS.get(signal, signal.replace('_', ' '))} [{unit}]")
         if signal == "normal_force":
             _leave_out_blows(panel, planned, realised)
     panels[0].axhline(1.0, **GUIDE, label="limit")
