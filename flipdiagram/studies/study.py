@@ -36,10 +36,6 @@ class Option:
         self.names, self.to, self.settings = names, to, settings
         self.dest: str = settings.get("dest", names[0].lstrip("-").replace("-", "_"))
 
-    def add_to(self, command: argparse.ArgumentParser) -> None:
-        """Declare it."""
-        command.add_argument(*self.names, **self.settings)
-
 
 def flag(name: str, text: str, to: Sequence[str] = ("run",)) -> Option:
     """An option without a value."""
