@@ -14,18 +14,18 @@ from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.convexification import Convexification
 from flipdiagram.planning.limits import SPEED, TORQUE
 from flipdiagram.robot.arm import ArmModel
-from flipdiagram.robot.own_files import ArmFile
+from flipdiagram.robot.arm_spec import ArmFile, ArmSpec
 from flipdiagram.scenario.scenario import Scenario
 
 X = 0.5
 
 ROTORS = (0.6, 0.6, 0.5, 0.5, 0.2, 0.2, 0.2)
 ARMS = {
-    "MH3F": {"payload_mass": 0.05, "payload_inertia": 1e-5},
-    "turned base": {"base_pose": (0.1, -0.2, 0.3, 0.4), "link_inertia_scales": [1.5, 0.5, 1, 2, 1, 1]},
-    "UR5": {"arm": ArmFile(package_file("ur_description/urdf/ur5_joint_limited_robot.urdf"), "base_link", "tool0")},
+    "MH3F": {},
+    "turned base": {"base_pose": (0.1, -0.2, 0.3, 0.4), "link_inertia_scales": (1.5, 0.5, 1, 2, 1, 1)},
+    "UR5": {"own": ArmFile(package_file("ur_description/urdf/ur5_joint_limited_robot.urdf"), "base_link", "tool0")},
     "Panda": {
-        "arm": ArmFile(
+        "own": ArmFile(
             package_file("panda_description/urdf/panda.urdf"), "panda_link0", "panda_link8", reflected_inertia=ROTORS
         )
     },
@@ -34,7 +34,7 @@ ARMS = {
 
 @pytest.fixture(scope="module", params=ARMS)
 def any_arm(request):
-    return ArmModel(**ARMS[request.param])
+    return ArmModel(ArmSpec(**ARMS[request.param]))
 
 
 def test_kinematics_and_dynamics_are_those_of_drake(any_arm):
@@ -84,7 +84,7 @@ def test_the_wrist_of_the_mh3f_is_singular_when_straight(arm):
 
 def test_an_arm_whose_middle_is_singular_can_still_be_linearised_for(scenario):
     """As of an arm without a home of its own, whose joint limits are symmetric about a straight wrist."""
-    straight = ArmModel(scenario.object.thickness / 2)
+    straight = ArmModel(ArmSpec(tool_height=scenario.object.thickness / 2))
     straight.home = np.where(np.arange(6) == 4, 0.0, straight.home)
     Convexification(scenario, straight, native=True)
 
@@ -102,7 +102,7 @@ SCENARIOS = {
 def test_all_rows_by_machine_code_are_those_by_numpy_and_drake(fields, shift):
     scenario = Scenario().with_overrides({**fields, "planner.solver": "daqp"})
     horizons = Convexification(
-        scenario, ArmModel(scenario.object.thickness / 2, torque_scale=scenario.arm.torque_scale)
+        scenario, ArmModel(ArmSpec(tool_height=scenario.object.thickness / 2, torque_scale=scenario.arm.torque_scale))
     )
     point = horizons.guess(24, 5)
     rng = np.random.default_rng(1)
