@@ -284,12 +284,12 @@ def _by_numpy(replanner: Replanner, calls: list[partial[Plan]]) -> list[float]:
     horizons = replanner.horizons
     kept, horizons.motion = horizons.motion, ArmMotion(replanner.arm, replanner.scenario.task.start_x)
     horizons._native = False
-    horizons._linearisations.clear()
+    horizons._linearisation.cache_clear()
     try:
         return [timed(call)[0] for call in calls]
     finally:
         horizons.motion, horizons._native = kept, True
-        horizons._linearisations.clear()
+        horizons._linearisation.cache_clear()
 
 
 def joint_rows(horizons: Convexification, motion: Trajectory) -> tuple[sp.csr_matrix, Array]:

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections import OrderedDict
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -65,7 +65,7 @@ class CondensedProgram:
         self._basis = unit_smoothing_basis(layout, sampling_time, smoothing)
         self._drift = drift_basis(layout, sampling_time)
         self._lengths = np.tile([TRUST_LENGTH, TRUST_LENGTH, 1.0], layout.intervals)
-        self._horizons: OrderedDict[tuple[int, int], Horizon] = OrderedDict()
+        self._horizon = lru_cache(CACHED)(self._make_horizon)
         self._current: tuple[Rows, Floats, tuple[Floats, float], Floats] | None = None
         self.program: DenseProgram | None = None
         """What the last update made of its numbers."""
@@ -131,24 +131,18 @@ class CondensedProgram:
             residual=max(missed, rows.excess(w)),
         )
 
-    def _horizon(self, n_contact: int, n_flight: int) -> Horizon:
+    def _make_horizon(self, n_contact: int, n_flight: int) -> Horizon:
         """What depends on contact and flight samples alone."""
-        key = (n_contact, n_flight)
-        if key not in self._horizons:
-            basis = self._basis[:, INPUTS * (self.layout.release - n_contact) :]
-            matrix, offset = flight(n_flight * self.sampling_time)
-            weight = self.cost.residual_matrix() @ matrix
-            _, sigma, q = np.linalg.svd(np.sqrt(2.0) * weight @ basis[self._released], full_matrices=False)
-            map_ = np.ascontiguousarray(basis - (basis @ q.T * (1.0 - 1.0 / np.sqrt(1.0 + sigma**2))) @ q)
-            residual = self.cost.residual_matrix() @ (offset - self.cost.target())
-            gradient = 2.0 * weight @ map_[self._released]
-            samples = np.arange(self.layout.release - n_contact + 1, self.layout.intervals + 1)
-            poses = STRIDE * samples[:, None] + np.arange(AXES)
-            self._horizons[key] = Horizon(map_, weight, residual, gradient, poses[:, 2], poses.ravel())
-            if len(self._horizons) > CACHED:
-                self._horizons.popitem(last=False)
-        self._horizons.move_to_end(key)
-        return self._horizons[key]
+        basis = self._basis[:, INPUTS * (self.layout.release - n_contact) :]
+        matrix, offset = flight(n_flight * self.sampling_time)
+        weight = self.cost.residual_matrix() @ matrix
+        _, sigma, q = np.linalg.svd(np.sqrt(2.0) * weight @ basis[self._released], full_matrices=False)
+        map_ = np.ascontiguousarray(basis - (basis @ q.T * (1.0 - 1.0 / np.sqrt(1.0 + sigma**2))) @ q)
+        residual = self.cost.residual_matrix() @ (offset - self.cost.target())
+        gradient = 2.0 * weight @ map_[self._released]
+        samples = np.arange(self.layout.release - n_contact + 1, self.layout.intervals + 1)
+        poses = STRIDE * samples[:, None] + np.arange(AXES)
+        return Horizon(map_, weight, residual, gradient, poses[:, 2], poses.ravel())
 
 
 def unit_smoothing_basis(layout: Layout, sampling_time: float, smoothing: float) -> Floats:

@@ -29,8 +29,7 @@ def make_program(
     An elastic program has slacks, which only Drake's programs offer: for "daqp" it is one with Clarabel.  Raises
     InputError where the solver is not built in, has no licence, or its package is not installed.
     """
-    if solver != CONDENSED:
-        return HorizonProgram(layout, sampling_time, cost, smoothing, solver, elastic_groups)
-    if elastic_groups:
-        return HorizonProgram(layout, sampling_time, cost, smoothing, ELASTIC, elastic_groups)
-    return CondensedProgram(layout, sampling_time, cost, smoothing)
+    if solver == CONDENSED and not elastic_groups:
+        return CondensedProgram(layout, sampling_time, cost, smoothing)
+    solver = ELASTIC if solver == CONDENSED else solver
+    return HorizonProgram(layout, sampling_time, cost, smoothing, solver, elastic_groups)

@@ -131,8 +131,8 @@ class HorizonProgram:
             prog.AddBoundingBoxConstraint(0.0, 1e6, self._slack)
             prog.AddLinearCost(np.full(len(self._groups), SLACK_PRICE), 0.0, self._slack)
         self._rows = prog.AddLinearConstraint(sp.csc_matrix((1, size)), [-np.inf], [1.0], variables)
-        released = self._z[layout.x(layout.release, 0) : layout.x(layout.release, 0) + STATES]
-        self._released_units = self._units[layout.x(layout.release, 0) : layout.x(layout.release, 0) + STATES]
+        columns = slice(STRIDE * layout.release, STRIDE * layout.release + STATES)
+        released, self._released_units = self._z[columns], self._units[columns]
         self._landing_cost = prog.AddQuadraticCost(np.eye(STATES), np.zeros(STATES), 0.0, released, is_convex=True)
         self._landing = prog.AddLinearEqualityConstraint(np.ones((1, STATES)), np.zeros(1), released)
         self._current: Rows | None = None
@@ -160,15 +160,14 @@ class HorizonProgram:
         for component, radius in enumerate((length, length, trust)):
             low[layout.x(samples, component)] = near[1:, component] - radius
             high[layout.x(samples, component)] = near[1:, component] + radius
-        waiting = layout.u(np.arange(layout.release - n_contact), 0)
         for component in range(3):
-            low[waiting + component] = high[waiting + component] = 0.0
+            waiting = layout.u(np.arange(layout.release - n_contact), component)
+            low[waiting] = high[waiting] = 0.0
+            # the waiting states follow from the start; bounds on them would only repeat the equality
+            idle = layout.x(samples[: layout.release - n_contact], component)
+            low[idle], high[idle] = -np.inf, np.inf
         low[:STATES] = high[:STATES] = start
         low[-3:] = high[-3:] = 0.0
-        # the waiting states follow from the start; bounds on them would only repeat the equality
-        for component in range(3):
-            idle = layout.x(np.arange(1, layout.release - n_contact + 1), component)
-            low[idle], high[idle] = -np.inf, np.inf
         self._bounds.evaluator().UpdateLowerBound(low / self._units)
         self._bounds.evaluator().UpdateUpperBound(high / self._units)
 
