@@ -82,7 +82,9 @@ def place(chain: SerialChain, q: Any, links: Links, k: int, massive: bool) -> No
         for r in range(3):
             for s in range(3):
                 S[r, s] = R[r, 0] * E[0, s] + R[r, 1] * E[1, s] + R[r, 2] * E[2, s]
-        R[:] = S
+        for r in range(3):
+            for s in range(3):
+                R[r, s] = S[r, s]
         # the axis stays where it is: p = o − R c
         for r in range(3):
             p[r] = o[i, r] - (R[r, 0] * points[i, 0] + R[r, 1] * points[i, 1] + R[r, 2] * points[i, 2])

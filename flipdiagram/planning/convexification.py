@@ -13,8 +13,8 @@ from flipdiagram.arrays import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import constraints, limits
 from flipdiagram.planning.arm_motion import arm_motion
+from flipdiagram.planning.condensed import CONDENSED, Program, make_program
 from flipdiagram.planning.constraints import Trajectory
-from flipdiagram.planning.engines import CONDENSED, Program, make_program
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.model import LandingCost, flight
 from flipdiagram.planning.plan import Plan
@@ -232,11 +232,13 @@ class Convexification:
                 continue
             states, inputs = self.layout.unpack(solution.w)
             following = replace(point, states=states, inputs=inputs)
+            landing, offset = flight(point.n_flight * point.sampling_time)
+            cost = self.cost(landing @ states[self.layout.release] + offset)
             step = states[:, 2] - point.states[:, 2]
             change = float(np.max(np.abs(step)))
             slack = {name: value for name, value in solution.slack.items() if value > SLACK_TOLERANCE}
             settled = change < tolerance and not elastic
-            outcome = Outcome(following, point, self._landing_cost(following), settled, slack, solution, motion)
+            outcome = Outcome(following, point, cost, settled, slack, solution, motion)
             if change < tolerance and (settled or slack):
                 break
             # once the slacks are gone the plain program has a solution too
@@ -278,10 +280,6 @@ class Convexification:
             solve_time=time.perf_counter() - begin,
             program_times=tuple(self.program_times),
         )
-
-    def _landing_cost(self, point: Trajectory) -> float:
-        matrix, offset = flight(point.n_flight * point.sampling_time)
-        return self.cost(matrix @ point.states[self.layout.release] + offset)
 
 
 def _between(a: Trajectory, b: Trajectory) -> Trajectory:

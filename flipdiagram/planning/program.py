@@ -15,17 +15,8 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from pydrake.solvers import (
-    ClarabelSolver,
-    GurobiSolver,
-    IpoptSolver,
-    MathematicalProgram,
-    MosekSolver,
-    OsqpSolver,
-    ScsSolver,
-    SnoptSolver,
-    SolverInterface,
-)
+from pydrake import solvers
+from pydrake.solvers import MathematicalProgram, SolverInterface
 
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import InputError
@@ -33,15 +24,8 @@ from flipdiagram.planning.horizon import STATES, STRIDE, Layout
 from flipdiagram.planning.model import LandingCost, flight, transition
 from flipdiagram.planning.rows import Rows
 
-_SOLVERS = {
-    "clarabel": ClarabelSolver,
-    "osqp": OsqpSolver,
-    "scs": ScsSolver,
-    "ipopt": IpoptSolver,
-    "snopt": SnoptSolver,
-    "mosek": MosekSolver,
-    "gurobi": GurobiSolver,
-}
+_NAMES = ("clarabel", "osqp", "scs", "ipopt", "snopt", "mosek", "gurobi")
+_SOLVERS = {name: getattr(solvers, f"{name.capitalize()}Solver") for name in _NAMES}
 SLACK_PRICE = 30.0
 """Price of a unit of slack; above the multipliers of a feasible program, so that slack is zero there."""
 TRUST_LENGTH = 0.5
@@ -54,7 +38,7 @@ TURNING_RADIUS = 0.05
 
 def make_solver(name: str) -> SolverInterface:
     """Drake's solver of that name; raises InputError where this Drake lacks it or its licence."""
-    solver = _SOLVERS[name]()
+    solver: SolverInterface = _SOLVERS[name]()
     if not (solver.available() and solver.enabled()):
         usable = [n for n, kind in _SOLVERS.items() if kind().available() and kind().enabled()]
         raise InputError(
