@@ -22,11 +22,10 @@ from bench.timing import SelfTimes, in_turn, timed
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import Planner, limits
 from flipdiagram.planning.arm_motion import ArmMotion
-from flipdiagram.planning.condensed import CondensedProgram
+from flipdiagram.planning.condensed import CondensedProgram, Program, make_program
 from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.convexification import Convexification
 from flipdiagram.planning.dense import EQUALITY, TOLERANCE, load_daqp
-from flipdiagram.planning.engines import Program, make_program
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.program import HorizonProgram, Solution
@@ -284,12 +283,12 @@ def _by_numpy(replanner: Replanner, calls: list[partial[Plan]]) -> list[float]:
     horizons = replanner.horizons
     kept, horizons.motion = horizons.motion, ArmMotion(replanner.arm, replanner.scenario.task.start_x)
     horizons._native = False
-    horizons._linearisations.clear()
+    horizons._linearisation.cache_clear()
     try:
         return [timed(call)[0] for call in calls]
     finally:
         horizons.motion, horizons._native = kept, True
-        horizons._linearisations.clear()
+        horizons._linearisation.cache_clear()
 
 
 def joint_rows(horizons: Convexification, motion: Trajectory) -> tuple[sp.csr_matrix, Array]:

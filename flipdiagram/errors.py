@@ -54,3 +54,8 @@ class SimulationError(FlipdiagramError):
     """The simulation broke off, for instance because it diverged."""
 
     exit_code = 3
+
+
+def first_line(error: BaseException) -> str:
+    """The first line of an exception's message, or its name where there is none."""
+    return next(iter(str(error).strip().splitlines()), type(error).__name__)

@@ -3,9 +3,9 @@
     @convertible()
     class TorqueLimit(Block):
         def __init__(self, tau_max):
-            self.parameter("tau_max", tau_max)
-            self.input("tau_cmd", self.tau_max.size)
-            self.output("tau", self.tau_max.size, limited_torque)  # a function of tau_cmd and tau_max
+            n = self.parameter("tau_max", tau_max)
+            self.input("tau_cmd", n)
+            self.output("tau", n, limited_torque)  # a function of tau_cmd and tau_max
 
 A law is a pure function.  Its arguments are read by their names: of input ports, numeric parameters, the state, the
 time `t` [s], or plain attributes.  An output depends on what its law takes, and on nothing else, so the feed-through
@@ -27,7 +27,6 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.symbolic import Expression
 from pydrake.systems.framework import (
     BasicVector_,
-    CacheEntry,
     DependencyTicket,
     InputPort,
     LeafSystem,
@@ -38,7 +37,7 @@ from pydrake.systems.framework import (
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from flipdiagram.arrays import Array
-from flipdiagram.blocks._checks import channels, same_form
+from flipdiagram.blocks._checks import channels, same_form, sampling
 from flipdiagram.errors import InputError
 
 ScalarContext = Any
@@ -56,6 +55,8 @@ class Block(LeafSystem):
 
     scalar: type = float
     """T: float, AutoDiffXd or Expression."""
+    numeric_parameter_names: tuple[str, ...] = ()
+    """In the order of the Context; `compiled` calls them so."""
     _sources: dict[str, tuple[Callable[[ScalarContext], Any], DependencyTicket]]
     _parameters: dict[str, tuple[int, Callable[..., Array]]]
 
@@ -80,11 +81,11 @@ class Block(LeafSystem):
         size: int | None = None,
         check: Callable[..., Array] = channels,
         **bounds: Any,
-    ) -> None:
+    ) -> int:
         """Declare a numeric parameter of the Context, kept in the form of `value`, by default one number per channel.
 
         `check(name, value, size, **bounds)` is asked for the valid array, now and in `set_parameters`; the default
-        becomes the attribute `name`.
+        becomes the attribute `name`.  Returns the number of channels.
         """
         default = check(name, value, size, **bounds)
         setattr(self, name, default)
@@ -95,8 +96,10 @@ class Block(LeafSystem):
             values = context.get_numeric_parameter(index).CopyToVector()
             return values if len(shape) == 1 else values.reshape(shape)
 
+        self.numeric_parameter_names = (*self.numeric_parameter_names, name)
         self._parameters[name] = index, lambda given: check(name, given, len(default), **bounds)
         self._sources[name] = read, self.numeric_parameter_ticket(NumericParameterIndex(index))
+        return len(default)
 
     def state(self, name: str, initial: Any) -> Any:
         """Declare the discrete state, its size (all 0) or its initial value; returns Drake's index of it."""
@@ -127,13 +130,16 @@ class Block(LeafSystem):
         )
         entry = self.DeclareCacheEntry(", ".join(names), producer, tickets)
         for i, name in enumerate(names):
-            self.DeclareVectorOutputPort(name, size, partial(_write_one, entry, i), {entry.ticket()})
+            self.DeclareVectorOutputPort(
+                name, size, lambda context, output, i=i: output.set_value(entry.Eval(context)[i]), {entry.ticket()}
+            )
 
     def update(self, law: Law, period: float, offset: float = 0.0) -> None:
-        """Declare that the state becomes the value of a law each `period`, first at `offset` [s]."""
+        """Declare that the state becomes a law's value each `period`, first at `offset` [s]; both become attributes."""
+        self.period, self.offset = sampling(period, offset)
         evaluate, _ = self._evaluated(law)
         self.DeclarePeriodicDiscreteUpdateEvent(
-            period, offset, lambda context, values: values.set_value(evaluate(context))
+            self.period, self.offset, lambda context, values: values.set_value(evaluate(context))
         )
 
     def set_parameters(self, context: ScalarContext, **values: ArrayLike) -> None:
@@ -160,10 +166,6 @@ class Block(LeafSystem):
                 read = partial(_constant, getattr(self, name))
             reads.append(read)
         return lambda context: law(*[read(context) for read in reads]), tickets
-
-
-def _write_one(entry: CacheEntry, i: int, context: ScalarContext, output: Any) -> None:
-    output.set_value(entry.Eval(context)[i])
 
 
 def _constant(value: Any, context: ScalarContext) -> Any:

@@ -7,7 +7,7 @@ import pydrake.math as scalar_math
 from numpy.typing import ArrayLike
 
 from flipdiagram.arrays import Array
-from flipdiagram.blocks._checks import channels, sampling
+from flipdiagram.blocks._checks import channels
 from flipdiagram.blocks.block import Block, convertible
 from flipdiagram.errors import InputError
 
@@ -44,11 +44,8 @@ class SinusoidalCommand(Block):
     Outputs `x_cmd` [m], `v_cmd` [m/s], `a_cmd` [m/s^2]: shape (n,), functions of time.
     """
 
-    numeric_parameter_names = ("omega", "amplitude")
-
     def __init__(self, omega: ArrayLike, amplitude: ArrayLike = 1.0) -> None:
-        self.parameter("omega", omega, strict=True)
-        n = self.omega.size
+        n = self.parameter("omega", omega, strict=True)
         self.parameter("amplitude", amplitude, n)
         self.output("x_cmd", n, lambda t, omega, amplitude: -amplitude * sines(omega, t))
         self.output("v_cmd", n, lambda t, omega, amplitude: -amplitude * omega * cosines(omega, t))
@@ -63,11 +60,8 @@ class SinusoidalNoise(Block):
     Output `noise`: shape (n,), in the unit of the amplitude, [m/s] for a velocity.
     """
 
-    numeric_parameter_names = ("omega", "amplitude")
-
     def __init__(self, omega: ArrayLike, amplitude: ArrayLike = 1.0) -> None:
-        self.parameter("omega", omega, strict=True)
-        n = self.omega.size
+        n = self.parameter("omega", omega, strict=True)
         self.parameter("amplitude", amplitude, n)
         self.output("noise", n, lambda t, omega, amplitude: amplitude * sines(omega, t))
 
@@ -83,15 +77,11 @@ class BroadbandNoise(Block):
     Output `noise`: shape (n,), in the unit of rms, [m/s] for a velocity.
     """
 
-    numeric_parameter_names = ("rms",)
-
     def __init__(self, rms: ArrayLike, period: float, seed: ArrayLike = 1) -> None:
-        self.parameter("rms", rms)
-        n = self.rms.size
+        n = self.parameter("rms", rms)
         self.seed = channels("seed", seed, n, minimum=1.0)
         if self.seed.dtype != object and not ((self.seed < MODULUS) & (self.seed == np.floor(self.seed))).all():
             raise InputError.of("seed", self.seed.tolist(), "whole numbers from 1 to 2147483646")
-        self.period, _ = sampling(period)
         self.state("state", self.seed)
-        self.update(lambda state: np.array([next_random(value) for value in state]), self.period)
+        self.update(lambda state: np.array([next_random(value) for value in state]), period)
         self.output("noise", n, uniform_noise)

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flipdiagram.arrays import Array
-from flipdiagram.blocks._checks import channels, sampling, whole
+from flipdiagram.blocks._checks import channels, whole
 from flipdiagram.blocks.block import Block, convertible
 
 
@@ -21,11 +21,10 @@ class Delay(Block):
         self, num_channels: int, periods: int, period: float, offset: float = 0.0, initial: ArrayLike = 0.0
     ) -> None:
         self.num_channels, self.periods = num_channels, whole("periods", periods, 1)
-        self.period, self.offset = sampling(period, offset)
         self.input("u", num_channels)
         self.initial = channels("initial", initial, num_channels, minimum=-np.inf)
         self.state("stored", np.tile(self.initial, periods))
-        self.update(self._shifted, self.period, self.offset)
+        self.update(self._shifted, period, offset)
         self.output("y", num_channels, self._oldest)
 
     def _shifted(self, stored: Array, u: Array) -> Array:

@@ -43,8 +43,7 @@ class JointFriction(Block):
     """
 
     def __init__(self, tau_c: ArrayLike, d: ArrayLike, v_s: ArrayLike) -> None:
-        self.parameter("tau_c", tau_c)
-        n = self.tau_c.size
+        n = self.parameter("tau_c", tau_c)
         self.parameter("d", d, n)
         self.parameter("v_s", v_s, n, strict=True)
         self.input("qd", n)

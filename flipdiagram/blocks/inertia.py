@@ -22,7 +22,6 @@ class NominalInertia(Block):
     """
 
     def __init__(self, inertia: ArrayLike) -> None:
-        self.parameter("inertia", inertia, check=nominal_inertia)
-        n = len(self.inertia)
+        n = self.parameter("inertia", inertia, check=nominal_inertia)
         self.input("qdd_ref", n)
         self.output("tau_ref", n, reference_torque)

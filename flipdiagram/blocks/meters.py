@@ -11,29 +11,23 @@ import pydrake.math as scalar_math
 from numpy.typing import ArrayLike
 
 from flipdiagram.arrays import Array
-from flipdiagram.blocks._checks import sampling
 from flipdiagram.blocks._scalars import choose
 from flipdiagram.blocks.block import Block, convertible
 
 
-def whole_periods(omega: float, period: float, shortest: int, longest: int | None = None) -> tuple[int, float]:
-    """A window in samples that is as nearly a whole number of periods 2 pi/omega as its length allows.
+def whole_periods(omega: float, period: float, shortest: int) -> int:
+    """A window of N >= `shortest` samples that is as nearly a whole number of periods 2 pi/omega as its length allows.
 
-    Returns (N, rest): N in [shortest, longest] samples of `period` [s], and what is left over or missing, as a
-    fraction of a period, in [-0.5, 0.5]; the first N whose rest is below 1e-3, else the best.
-    `longest`: by default 64 periods beyond `shortest`, and at most 4096 samples beyond one period.
+    A sample lasts `period` [s].  The first N that misses a whole number by less than 1e-3 periods, else the best, up
+    to 64 periods beyond `shortest`, and at most 4096 samples beyond one period.
     """
     per_period = 2 * np.pi / (omega * period)
     first = max(1.0, np.ceil(shortest / per_period))
-    count = 64 if longest is None else max(1, int(longest / per_period - first + 1))
-    if longest is None:
-        count = max(1, min(count, int(4096 / per_period) + 1))
-    periods = first + np.arange(count)
+    periods = first + np.arange(min(64, int(4096 / per_period) + 1))
     samples = np.maximum(np.rint(periods * per_period), 1)
-    rest = samples / per_period - periods
-    good = np.nonzero(np.abs(rest) < 1e-3)[0]
-    best = int(good[0]) if good.size else int(np.argmin(np.abs(rest)))
-    return int(samples[best]), float(rest[best])
+    rest = np.abs(samples / per_period - periods)
+    good = np.flatnonzero(rest < 1e-3)
+    return int(samples[good[0] if good.size else np.argmin(rest)])
 
 
 def fundamental(sums: ArrayLike, omega: ArrayLike, period: float, start: ArrayLike, ticks: ArrayLike) -> Array:
@@ -103,17 +97,14 @@ class LockIn(Block):
     Input `y`, shape (n,); output `sums`, shape (3 n,): all of y sin wt, then y cos wt, then y [unit of y].
     """
 
-    numeric_parameter_names = ("omega", "start_time")
     only_looks_on = True
 
     def __init__(self, omega: ArrayLike, period: float, start_time: ArrayLike = 0.0) -> None:
-        self.parameter("omega", omega, strict=True)
-        n = self.omega.size
+        n = self.parameter("omega", omega, strict=True)
         self.parameter("start_time", start_time, n)
-        self.period, _ = sampling(period)
         self.input("y", n)
         state = self.state("sums", 3 * n)
-        self.update(lock_in_sums, self.period)
+        self.update(lock_in_sums, period)
         self.DeclareStateOutputPort("sums", state)
 
 
@@ -126,16 +117,14 @@ class Peak(Block):
     the first sample.
     """
 
-    numeric_parameter_names = ("start_time",)
     only_looks_on = True
 
     def __init__(self, num_channels: int, period: float, start_time: ArrayLike = 0.0) -> None:
         self.num_channels, n = num_channels, num_channels
         self.parameter("start_time", start_time, n)
-        self.period, _ = sampling(period)
         self.input("y", n)
         state = self.state("peaks", [-np.inf] * n + [np.inf] * n)
-        self.update(next_peaks, self.period)
+        self.update(next_peaks, period)
         self.DeclareStateOutputPort("peaks", state)
 
 
@@ -147,15 +136,13 @@ class RootMeanSquare(Block):
     Inputs `y` and `reference`, output `rms`, 0 before the first sample: shape (n,) [unit of y].
     """
 
-    numeric_parameter_names = ("start_time",)
     only_looks_on = True
 
     def __init__(self, num_channels: int, period: float, start_time: ArrayLike = 0.0) -> None:
         self.num_channels = num_channels
         self.parameter("start_time", start_time, num_channels)
-        self.period, _ = sampling(period)
         self.input("y", num_channels)
         self.input("reference", num_channels)
         self.state("squares", 2 * num_channels)
-        self.update(next_squares, self.period)
+        self.update(next_squares, period)
         self.output("rms", num_channels, root_mean_square)

@@ -4,26 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, EventStatus, State
 
 from flipdiagram.arrays import Floats
 from flipdiagram.blocks._checks import channels
 from flipdiagram.blocks.block import Block
+from flipdiagram.planning.command import Command
 from flipdiagram.planning.plan import Plan
 
 CHANNELS = 6
 """Task coordinates (y, z, θ, x, pitch, yaw): the MPC moves the first three, the others are held."""
 COMMANDS = ("x_cmd", "v_cmd", "a_cmd")
 """Outputs of an MPC."""
-Commands = tuple[Floats, Floats, Floats]
-
-
-def held_pose(hold: ArrayLike, start_time: float) -> tuple[Floats, float]:
-    """The pose that is held (6,) [m, rad] and the start of the motion >= 0 [s]; InputError for others."""
-    return channels("hold", hold, CHANNELS, minimum=-np.inf), float(channels("start_time", start_time, 1)[0])
 
 
 class ModelPredictiveController(Block):
@@ -41,9 +36,14 @@ class ModelPredictiveController(Block):
     def __init__(self, planner: Callable[[], Plan], hold: Floats, start_time: float = 0.0, stand: bool = False) -> None:
         super().__init__()
         self._planner, self._stand = planner, stand
-        self._hold, self.start_time = held_pose(hold, start_time)
-        self._state = self.abstract_state("plan", None, self.plan)
+        self._hold = channels("hold", hold, CHANNELS, minimum=-np.inf)
+        self.start_time = float(channels("start_time", start_time, 1)[0])
         self.DeclareInitializationUnrestrictedUpdateEvent(self._plan_once)
+        self._declare()
+
+    def _declare(self) -> None:
+        """The state, and the outputs of it."""
+        self._state = self.abstract_state("plan", None, self.plan)
         self.outputs(COMMANDS, CHANNELS, self._commands)
         self.output("solve_time", 1, lambda plan: [math.nan if plan is None else plan.solve_time])
         self.output("status", 1, lambda plan: [float(plan is not None)])
@@ -55,14 +55,18 @@ class ModelPredictiveController(Block):
 
     def set_plan(self, context: Context, plan: Plan) -> None:
         """Put a plan into this system's Context; the run then starts with it instead of solving."""
-        context.get_mutable_abstract_state(self._state).set_value(plan)
+        context.get_mutable_abstract_state(self._state).set_value(self._state_of(plan))
 
     def _plan_once(self, context: Context, state: State) -> EventStatus:
         if self.plan(context) is None:
-            state.get_mutable_abstract_state(self._state).set_value(self._planner())
+            state.get_mutable_abstract_state(self._state).set_value(self._state_of(self._planner()))
         return EventStatus.Succeeded()
 
-    def _commands(self, t: float, plan: Plan | None) -> Commands:
+    def _state_of(self, plan: Plan) -> Any:
+        """The state at the start of a run with this plan."""
+        return plan
+
+    def _commands(self, t: float, plan: Plan | Command | None) -> tuple[Floats, Floats, Floats]:
         x, v, a = self._hold.copy(), np.zeros(CHANNELS), np.zeros(CHANNELS)
         if plan is not None and not (self._stand and t < self.start_time - 1e-9):
             x[:3], v[:3], a[:3] = plan.at(t - self.start_time)

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from pydrake.autodiffutils import AutoDiffXd
 
 from flipdiagram.arrays import Array
-from flipdiagram.blocks._checks import sampling, whole
+from flipdiagram.blocks._checks import whole
 from flipdiagram.blocks.block import Block, convertible
 
 PAGE = 256
@@ -44,12 +44,10 @@ class SensorNoise(Block):
 
     def __init__(self, deviation: ArrayLike, seed: int, period: float, offset: float = 0.0, stream: int = 0) -> None:
         self.seed, self.stream = whole("seed", seed), whole("stream", stream)
-        self.period, self.offset = sampling(period, offset)
-        self.parameter("deviation", deviation)
-        n = self.deviation.size
+        n = self.parameter("deviation", deviation)
         self.input("u", n)
         self.state("ticks", 1)
-        self.update(lambda ticks: ticks + 1.0, self.period, self.offset)
+        self.update(lambda ticks: ticks + 1.0, period, offset)
         self.output("y", n, self._noisy)
 
     def _noisy(self, u: Array, deviation: Array, ticks: Array) -> Array:

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flipdiagram.arrays import Array
-from flipdiagram.blocks._checks import channels, nominal_inertia, sampling, times_inertia
-from flipdiagram.blocks.block import Block, ScalarContext, convertible
+from flipdiagram.blocks._checks import nominal_inertia, times_inertia
+from flipdiagram.blocks.block import Block, convertible
 
 
 def next_observer_state(w: Array, g_dis: Array, inertia: Array, period: float, tau: Array, qd: Array) -> Array:
@@ -49,17 +49,8 @@ class DisturbanceObserver(Block):
         n = len(nominal_inertia("inertia", inertia))
         self.parameter("g_dis", g_dis, n)
         self.parameter("inertia", inertia, check=nominal_inertia)
-        self.period, self.offset = sampling(period, offset)
         self.input("tau", n)
         self.input("qd", n)
         self.state("w", n)
-        self.update(next_observer_state, self.period, self.offset)
+        self.update(next_observer_state, period, offset)
         self.output("tau_dis", n, disturbance_estimate)
-
-    def set_initial_estimate(self, context: ScalarContext, qd: ArrayLike, tau_dis: ArrayLike = 0.0) -> None:
-        """Set the state: at the velocity `qd` [rad/s] tau_dis is `tau_dis` [N m], shapes (n,)."""
-        n = self.g_dis.size
-        qd = channels("qd", qd, n, minimum=-np.inf)
-        tau_dis = channels("tau_dis", tau_dis, n, minimum=-np.inf)
-        g_dis, inertia = (self.value_in(context, name) for name in ("g_dis", "inertia"))
-        context.SetDiscreteState(tau_dis + g_dis * times_inertia(inertia, qd))

@@ -12,8 +12,7 @@ import numpy as np
 from pydrake.systems.framework import Context, EventStatus, State
 
 from flipdiagram.arrays import Floats
-from flipdiagram.blocks.block import Block
-from flipdiagram.blocks.mpc import CHANNELS, COMMANDS, Commands, held_pose
+from flipdiagram.blocks.mpc import CHANNELS, COMMANDS, ModelPredictiveController
 from flipdiagram.errors import InputError, PlanningError
 from flipdiagram.planning.command import Command, of_object
 from flipdiagram.planning.plan import Plan
@@ -78,7 +77,7 @@ class Timing:
             raise InputError.of("timing", self, "period, blend and early above 0, delay at least 0")
 
 
-class RecedingHorizonController(Block):
+class RecedingHorizonController(ModelPredictiveController):
     """The MPC that replans: outputs x_cmd, v_cmd, a_cmd (6,), solve_time [s], iterations, status, cone_margin [rad].
 
     Inputs: x, v (6,) of the tool and q (n,), read at the events only, so nothing feeds through; optional `shift` (1,)
@@ -101,21 +100,21 @@ class RecedingHorizonController(Block):
         measured: bool = True,
         fewest: int = 1,
     ) -> None:
-        super().__init__()
-        self._planner, self._again, self.timing = planner, again, timing
-        self._hold, self.start_time = held_pose(hold, start_time)
+        super().__init__(planner, hold, start_time, stand=True)
+        self._again, self.timing = again, timing
         self._measured, self._fewest = measured, fewest
         for name in ("x", "v"):
             self.input(name, CHANNELS)
         self.input("q", joints)
         self.input("shift", 1)
-        self._state = self.abstract_state("horizon", Horizon(), self.horizon)
-        self.DeclareInitializationUnrestrictedUpdateEvent(self._plan_once)
         first = self.start_time - timing.early
         while first < 0:
             first += timing.period
         self.DeclarePeriodicUnrestrictedUpdateEvent(timing.period, first, self._plan_again)
-        self.outputs(COMMANDS, CHANNELS, self._commands)
+
+    def _declare(self) -> None:
+        self._state = self.abstract_state("horizon", Horizon(), self.horizon)
+        self.outputs(COMMANDS, CHANNELS, lambda t, horizon: self._commands(t, horizon.at(t - self.start_time)))
         self.output("solve_time", 1, lambda horizon: [horizon.solve_time])
         self.output("iterations", 1, lambda horizon: [float(horizon.iterations)])
         self.output("status", 1, lambda horizon: [float(horizon.status)])
@@ -136,16 +135,7 @@ class RecedingHorizonController(Block):
         horizon = self.horizon(context)
         return horizon.following or horizon.command
 
-    def set_plan(self, context: Context, plan: Plan) -> None:
-        """Put a plan into this system's Context; the run then starts with it instead of solving."""
-        context.get_mutable_abstract_state(self._state).set_value(self._first(plan))
-
-    def _plan_once(self, context: Context, state: State) -> EventStatus:
-        if self.horizon(context).command is None:
-            state.get_mutable_abstract_state(self._state).set_value(self._first(self._planner()))
-        return EventStatus.Succeeded()
-
-    def _first(self, plan: Plan) -> Horizon:
+    def _state_of(self, plan: Plan) -> Horizon:
         """The first command, led over from where the tool is held."""
         still = np.tile([*self._hold[:3], 0.0, 0.0, 0.0], (len(plan.states), 1))
         stand = Command(replace(plan, states=still, inputs=np.zeros_like(plan.inputs)))
@@ -196,12 +186,3 @@ class RecedingHorizonController(Block):
             return replace(attempted, status=Status.LATE)
         following = Command(plan, begins, shift=shift).led_over_from(command, self.timing.blend)
         return replace(attempted, following=following, status=Status.REPLANNED)
-
-    def _commands(self, t: float, horizon: Horizon) -> Commands:
-        x, v, a = self._hold.copy(), np.zeros(CHANNELS), np.zeros(CHANNELS)
-        now = t - self.start_time
-        command = horizon.at(now)
-        # until the motion starts the tool stays where it stands, which need not be where the plan begins
-        if command is not None and now >= -1e-9:
-            x[:3], v[:3], a[:3] = command.at(now)
-        return x, v, a

@@ -5,7 +5,7 @@ import pydrake.math as scalar_math
 from numpy.typing import ArrayLike
 
 from flipdiagram.arrays import Array
-from flipdiagram.blocks._checks import channels, sampling
+from flipdiagram.blocks._checks import channels
 from flipdiagram.blocks._scalars import choose
 from flipdiagram.blocks.block import Block, convertible
 
@@ -52,8 +52,7 @@ class Encoder(Block):
     """
 
     def __init__(self, resolution: ArrayLike) -> None:
-        self.parameter("resolution", resolution)
-        n = self.resolution.size
+        n = self.parameter("resolution", resolution)
         self.input("q", n)
         self.output("q_measured", n, quantised)
 
@@ -69,11 +68,9 @@ class PseudoDerivative(Block):
     """
 
     def __init__(self, g_v: ArrayLike, period: float, offset: float = 0.0, initial: ArrayLike = 0.0) -> None:
-        self.parameter("g_v", g_v)
-        n = self.g_v.size
-        self.period, self.offset = sampling(period, offset)
+        n = self.parameter("g_v", g_v)
         self.input("q", n)
         self.initial = channels("initial", initial, n, minimum=-np.inf)
         self.state("z", self.initial)
-        self.update(next_filter_state, self.period, self.offset)
+        self.update(next_filter_state, period, offset)
         self.output("v", n, filtered_velocity)

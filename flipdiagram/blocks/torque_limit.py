@@ -27,7 +27,6 @@ class TorqueLimit(Block):
     """
 
     def __init__(self, tau_max: ArrayLike) -> None:
-        self.parameter("tau_max", tau_max)
-        n = self.tau_max.size
+        n = self.parameter("tau_max", tau_max)
         self.input("tau_cmd", n)
         self.output("tau", n, limited_torque)

@@ -55,7 +55,7 @@ def parser() -> argparse.ArgumentParser:
         command.add_argument("--quiet", action="store_true", help="print errors only")
         command.add_argument("--out", type=Path, default=out, metavar="DIR", help=f"results ({out})")
         for option in study.options:
-            option.add_to(command)
+            command.add_argument(*option.names, **option.settings)
 
     diagram = add("diagram", "Draw the block diagram of a controller, or of the 1-DOF loop.")
     diagram.add_argument("--architecture", type=architecture, default="pd+ff+dob", metavar="A", help="(pd+ff+dob)")

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import sys
-from contextlib import nullcontext
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
 
 from flipdiagram.grid import Grid, console
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 
 def show(*parts: Grid | str | None) -> None:
@@ -21,25 +19,14 @@ def show(*parts: Grid | str | None) -> None:
             console().print(part.rich())
 
 
-def status(quiet: bool) -> Any:
+@contextmanager
+def status(quiet: bool) -> Iterator[Callable[[str], Any]]:
     """A context that gives progress(text): one moving line on a terminal, else a line each on stderr."""
-    if quiet:
-        return nullcontext(lambda text: None)
-    stderr = console(stderr=True)
-    if not stderr.is_terminal:
-        return nullcontext(lambda text: print(text, file=sys.stderr, flush=True))
-    return _Spinner(stderr)
-
-
-class _Spinner:
-    """Progress as one line that moves and vanishes."""
-
-    def __init__(self, stderr: Console) -> None:
-        self.status = stderr.status("")
-
-    def __enter__(self) -> Any:
-        self.status.start()
-        return self.status.update
-
-    def __exit__(self, *exception: object) -> None:
-        self.status.stop()
+    stderr = None if quiet else console(stderr=True)
+    if stderr is None:
+        yield lambda text: None
+    elif not stderr.is_terminal:
+        yield lambda text: print(text, file=sys.stderr, flush=True)
+    else:
+        with stderr.status("") as line:
+            yield line.update

@@ -2,7 +2,7 @@
 
 ``compile_diagram`` flattens a diagram (``structure``), names its vectors (``layout``), reads each block's update and
 outputs through its symbolic form (``read``) into one graph without repeated subexpressions (``graph``), prints that
-(``emit``; for channels in vectors ``vector``) and compiles it (``kernel``). The result runs batches (``batch``), and
+(``printer``) and compiles it (``kernel``). The result runs batches (``batch``), and
 knows its derivatives (``linear``).
 """
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flipdiagram.arrays import Floats, Indices
-from flipdiagram.compiled.layout import Layout, common_count, rows_of, series_of
+from flipdiagram.compiled.layout import Layout, common_count, series_of
 from flipdiagram.errors import InputError
 
 _LATEST = 2**53  # beyond, tick numbers are no longer exact floats
@@ -67,22 +66,9 @@ class BatchDiagram(ABC):
         self._default_state = layout.read_state(context)
 
     @property
-    def default_parameters(self) -> dict[str, Floats]:
-        """Name -> (size,), as in the diagram's default Context."""
-        return self.layout.parameters.split(self._default_parameters.copy())
-
-    @property
     def default_state(self) -> dict[str, Floats]:
         """Name -> (size,), as in the diagram's default Context."""
         return self.layout.states.split(self._default_state.copy())
-
-    def parameters_from(self, context: Any) -> dict[str, Floats]:
-        """Name -> (size,) of a Context of the diagram, for instance one set up with the blocks' own setters."""
-        return self.layout.parameters.split(self.layout.read_parameters(context))
-
-    def state_from(self, context: Any) -> Floats:
-        """All states, (states,), of a Context of the diagram."""
-        return self.layout.read_state(context)
 
     def time(self, tick: ArrayLike) -> Floats:
         """The time [s] of a tick: offset + tick * period, as Drake computes it."""
@@ -166,10 +152,7 @@ class BatchDiagram(ABC):
 
     def _outputs_after(self, given: Channels, final: Floats) -> Floats:
         """All outputs (n, outputs) after the last update: those that a run of no ticks records."""
-        rows = given.inputs.shape[1]
-        held = (
-            given.inputs[np.arange(len(final)), np.minimum(given.ticks, rows - 1)] if rows > 1 else given.inputs[:, 0]
-        )
+        held = given.inputs[np.arange(len(final)), np.minimum(given.ticks, given.inputs.shape[1] - 1)]
         still = Channels(np.zeros_like(given.ticks), given.start + given.ticks, final, given.parameters, held[:, None])
         size = self.layout.outputs.size
         return self.advance(still, np.arange(size), min(size, 1), 1, 1)[1].reshape(len(final), size)
@@ -215,26 +198,6 @@ class BatchDiagram(ABC):
             named[name] = np.arange(len(columns), len(columns) + signals[name].size)
             columns += signals[name].tolist()
         return named, np.array(columns, dtype=np.int64)
-
-    def operating_point(
-        self,
-        parameters: Mapping[str, ArrayLike] | None,
-        state: Mapping[str, ArrayLike] | ArrayLike | None,
-        inputs: Mapping[str, ArrayLike] | None,
-    ) -> tuple[Floats, Floats, Floats]:
-        """Flat parameters, state and inputs of one channel; inputs not given are 0."""
-        names = self.layout.inputs
-        point = np.zeros(names.size)
-        for name, value in (inputs or {}).items():
-            point[names.find(name)] = _single(rows_of("input", name, value, names.find(name).size))
-        values = self.layout.parameters.spread(parameters or {}, self._default_parameters)
-        return _single(values), _single(self._states(state)), point
-
-
-def _single(rows: Floats) -> Floats:
-    if rows.shape[0] != 1:
-        raise InputError(f"an operating point is of one channel; {rows.shape[0]} were given")
-    return np.asarray(rows[0])
 
 
 def _integers(name: str, value: ArrayLike) -> Indices:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, overload
+from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -21,9 +21,6 @@ from flipdiagram.compiled.structure import flatten
 from flipdiagram.compiled.threads import run_kernel
 from flipdiagram.errors import InputError
 
-Ties = Mapping[str, Sequence[str]] | None
-"""New name -> parameters that it stands for."""
-
 
 class CompiledDiagram(BatchDiagram):
     """A diagram as machine code; made by ``compile_diagram``.
@@ -31,11 +28,11 @@ class CompiledDiagram(BatchDiagram):
     ``source`` is the text it was compiled from, in LLVM's language; ``from_cache`` whether that had been done before.
     """
 
-    def __init__(self, layout: Layout, program: Program, exact: bool, cache: bool) -> None:
+    def __init__(self, layout: Layout, program: Program, exact: bool) -> None:
         super().__init__(layout, program.period, program.offset, program.inputs_used())
         self.program, self.exact = program, exact
         self.source = kernel_source(program, exact)
-        self._kernel, self.from_cache = load_kernel(self.source, cache)
+        self._kernel, self.from_cache = load_kernel(self.source)
 
     def linearize(
         self,
@@ -46,9 +43,12 @@ class CompiledDiagram(BatchDiagram):
     ) -> Linearization:
         """A, B, C, D about a point of one channel, exact to rounding; inputs not given are 0.
 
-        The derivative of the branch taken, for choices (min, max, if-then-else); 0 for steps (floor, ceil).
+        The derivative of the branch taken, for choices (min, max, if-then-else); 0 for floor, ceil and abs at 0.
         """
-        point = self.operating_point(parameters, state, inputs)
+        given = self._channels(0, parameters, state, dict.fromkeys(self.inputs, 0.0) | dict(inputs or {}), 0)
+        if given.ticks.size != 1:
+            raise InputError(f"an operating point is of one channel; {given.ticks.size} were given")
+        point = given.parameters[0], given.state[0], given.inputs[0, 0]
         return linearize(self.program, self.layout, *point, int(tick))
 
     def advance(
@@ -58,33 +58,13 @@ class CompiledDiagram(BatchDiagram):
         return run_kernel(self._kernel, given, columns, rows, every, threads)
 
 
-@overload
-def compile_diagram(
-    diagram: Any, *, tie: Ties = None, check: int = 200, cache: bool = True, exact: bool = False
-) -> CompiledDiagram: ...
-
-
-@overload
 def compile_diagram(
     diagram: Any,
     *,
-    tie: Ties = None,
-    fallback: bool,
-    period: float | None = None,
-    check: int = 200,
-    cache: bool = True,
-    exact: bool = False,
-) -> CompiledDiagram | SimulatedDiagram: ...
-
-
-def compile_diagram(
-    diagram: Any,
-    *,
-    tie: Ties = None,
+    tie: Mapping[str, Sequence[str]] | None = None,
     fallback: bool = False,
     period: float | None = None,
     check: int = 200,
-    cache: bool = True,
     exact: bool = False,
 ) -> CompiledDiagram | SimulatedDiagram:
     """Compile any Drake Diagram whose blocks convert to symbolic and share one period.
@@ -122,7 +102,6 @@ def compile_diagram(
         period: tick of the fallback [s] where its blocks share none.
         check: updates, each from the state of Drake's Simulator, to compare with it before the diagram is handed over,
             to 1e-10 of the larger number, or 1e-14 of the largest state or output; 0: none.
-        cache: keep the machine code in the user's cache folder.
         exact: sin, cos, exp and tanh of the C library: every number as in Drake, to the bit (but x³, of which Drake
             takes pow); a loop full of sines takes some four times as long.
 
@@ -133,7 +112,7 @@ def compile_diagram(
         raise InputError.of("check", check, "an integer >= 0")
     layout = lay_out(flatten(diagram), tie)
     try:
-        compiled = CompiledDiagram(layout, read_program(layout), exact, cache)
+        compiled = CompiledDiagram(layout, read_program(layout), exact)
         if check:
             check_against_drake(compiled, check)
         return compiled

@@ -23,16 +23,13 @@ class SimulatedDiagram(BatchDiagram):
     """
 
     def __init__(self, layout: Layout, period: float | None = None) -> None:
-        if period is None:
-            try:
-                period, offset = common_timing(layout.structure)
-            except NotCompilable as error:
-                raise InputError(f"{error}; or give the period of a tick to Drake's Simulator") from None
-        elif not (np.isfinite(period) and period > 0.0):
+        if period is not None and not 0.0 < period < np.inf:
             raise InputError.of("period", period, "finite and > 0, in seconds")
-        else:
-            offset = 0.0
-        super().__init__(layout, period, offset, set())
+        try:
+            timing = common_timing(layout.structure) if period is None else (period, 0.0)
+        except NotCompilable as error:
+            raise InputError(f"{error}; or give the period of a tick to Drake's Simulator") from None
+        super().__init__(layout, *timing, set())
 
     def linearize(self, *_: Any, **__: Any) -> NoReturn:
         """Only a compiled diagram knows its derivatives."""
@@ -48,12 +45,8 @@ class SimulatedDiagram(BatchDiagram):
         return final, log
 
     def _advance_one(self, given: Channels, c: int, columns: Indices, every: int, state: Floats, log: Floats) -> None:
-        diagram, start, length, series = (
-            self.layout.structure.diagram,
-            given.start[c],
-            int(given.ticks[c]),
-            given.inputs[c],
-        )
+        diagram, start, length = self.layout.structure.diagram, given.start[c], int(given.ticks[c])
+        series = given.inputs[c]
         simulator, context = Simulator(diagram), diagram.CreateDefaultContext()
         self.layout.write(context, given.parameters[c], state)
         context.SetTime(float(self.time(start)))
@@ -68,8 +61,11 @@ class SimulatedDiagram(BatchDiagram):
             if 0 < k < len(series):
                 self._fix(context, series[k])
             if k % every == 0 and k // every < len(log):
-                asked = (columns < self.layout.outputs.size).any()  # outputs cost time
-                outputs = read_outputs(self.layout, context) if asked else np.empty(self.layout.outputs.size)
+                outputs = np.empty(self.layout.outputs.size)
+                if (columns < outputs.size).any():  # they cost time
+                    for port in self.layout.structure.outputs:
+                        places = self.layout.outputs.places[port.name]
+                        outputs[places] = diagram.get_output_port(port.index).Eval(context)
                 log[k // every] = np.append(outputs, self.layout.read_state(context))[columns]
         state[:] = self.layout.read_state(context)
 
@@ -77,9 +73,3 @@ class SimulatedDiagram(BatchDiagram):
         for port in self.layout.structure.inputs:
             value = row[self.layout.inputs.places[port.name]]
             self.layout.structure.diagram.get_input_port(port.index).FixValue(context, value)
-
-
-def read_outputs(layout: Layout, context: Any) -> Floats:
-    """All exported outputs, flat, of a context of the diagram."""
-    ports = [layout.structure.diagram.get_output_port(port.index) for port in layout.structure.outputs]
-    return np.concatenate([port.Eval(context) for port in ports]) if ports else np.zeros(0)

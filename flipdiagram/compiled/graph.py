@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial, reduce
 from typing import Any
 
-from pydrake.common.containers import EqualToDict
-from pydrake.symbolic import Expression, ExpressionKind, FormulaKind
+from pydrake.symbolic import ExpressionKind, FormulaKind
 
 Node = tuple[Any, ...]
 """(operation, operands...); the operands of "constant", "state", "input" and "parameter" are no nodes."""
 
 ATOMS = frozenset({"constant", "time", "state", "input", "parameter"})
 
-_UNARY = {
-    kind: kind.lower() for kind in "Abs Exp Log Sqrt Sin Cos Tan Asin Acos Atan Sinh Cosh Tanh Floor Ceil".split()
-}
-_BINARY = {"Div": "div", "Min": "min", "Max": "max", "Atan2": "atan2"}
+_FUNCTIONS = frozenset(
+    "Abs Exp Log Sqrt Sin Cos Tan Asin Acos Atan Sinh Cosh Tanh Floor Ceil Div Min Max Atan2".split()
+)
 _RELATIONS = {"Eq": "eq", "Neq": "ne", "Gt": "gt", "Geq": "ge", "Lt": "lt", "Leq": "le"}
 
 
@@ -65,8 +64,6 @@ class Translator:
     def __init__(self, graph: Graph, variables: Callable[[int], int]) -> None:
         self._graph = graph
         self._variables = variables
-        # before Drake 1.5x Expressions cannot be keys; then equal parts are walked again, and still found equal
-        self._known: Any = EqualToDict() if Expression.__hash__ is not None else None
 
     def expression(self, e: Any) -> int:
         """The node of an Expression; raises Unprintable."""
@@ -77,30 +74,21 @@ class Translator:
             return self._variables(e.Unapply()[1][0].get_id())
         if kind == ExpressionKind.NaN:
             return self._graph.constant(float("nan"))
-        if self._known is None:
-            return self._compound(kind.name, e)
-        place = self._known.get(e)
-        if place is None:
-            place = self._known[e] = self._compound(kind.name, e)
-        return int(place)
-
-    def _compound(self, kind: str, e: Any) -> int:
-        if kind == "UninterpretedFunction":
+        if kind == ExpressionKind.UninterpretedFunction:
             raise Unprintable(f"the uninterpreted function {e}")
         arguments = e.Unapply()[1]
-        if kind == "Add":
+        if kind == ExpressionKind.Add:
             return self._sum(arguments)
-        if kind == "Mul":
+        if kind == ExpressionKind.Mul:
             return self._product(arguments)
-        if kind == "IfThenElse":
+        if kind == ExpressionKind.IfThenElse:
             condition, yes, no = arguments
             return self._graph.add("select", self.formula(condition), self.expression(yes), self.expression(no))
-        if kind == "Pow":
+        if kind == ExpressionKind.Pow:
             return self._power(*arguments)
-        operation = _UNARY.get(kind) or _BINARY.get(kind)
-        if operation is None:
-            raise Unprintable(f"an expression of kind {kind}, {e}")
-        return self._graph.add(operation, *map(self.expression, arguments))
+        if kind.name not in _FUNCTIONS:
+            raise Unprintable(f"an expression of kind {kind.name}, {e}")
+        return self._graph.add(kind.name.lower(), *map(self.expression, arguments))
 
     def _sum(self, terms: list[Any]) -> int:
         # Drake's own order: the constant first, then the terms from left to right
@@ -116,11 +104,8 @@ class Translator:
 
     def _product(self, factors: list[Any]) -> int:
         sign = factors[0]
-        total = None if abs(sign) == 1.0 else self._graph.constant(sign)
-        for factor in factors[1:]:
-            place = self.expression(factor)
-            total = place if total is None else self._graph.add("mul", total, place)
-        assert total is not None
+        places = [] if abs(sign) == 1.0 else [self._graph.constant(sign)]
+        total = reduce(partial(self._graph.add, "mul"), [*places, *map(self.expression, factors[1:])])
         return self._graph.add("neg", total) if sign == -1.0 else total
 
     def _power(self, base: Any, exponent: Any) -> int:
@@ -143,9 +128,5 @@ class Translator:
         if kind == FormulaKind.Not:
             return self._graph.add("not", self.formula(f.Unapply()[1][0]))
         if kind in (FormulaKind.And, FormulaKind.Or):
-            operation = "and" if kind == FormulaKind.And else "or"
-            first, *rest = map(self.formula, f.Unapply()[1])
-            for place in rest:
-                first = self._graph.add(operation, first, place)
-            return first
+            return reduce(partial(self._graph.add, kind.name.lower()), map(self.formula, f.Unapply()[1]))
         raise Unprintable(f"a formula of kind {kind.name}, {f}")

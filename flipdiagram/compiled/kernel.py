@@ -37,7 +37,7 @@ def cache_folder() -> Path:
     return Path(base) / "flipdiagram"
 
 
-def load_kernel(source: str, cache: bool = True) -> tuple[Kernel, bool]:
+def load_kernel(source: str) -> tuple[Kernel, bool]:
     """The compiled kernel of a source (``kernel_source``), and whether it was known, in this process or on disk.
 
     The key is the source, the processor and the version of the compiler. A cache folder that cannot be written, or
@@ -48,19 +48,16 @@ def load_kernel(source: str, cache: bool = True) -> tuple[Kernel, bool]:
     processor = f"{platform.machine()} {llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}"
     key = hashlib.sha256("\n".join([version("llvmlite"), processor, source]).encode()).hexdigest()
     with _lock:
-        if cache and key in _loaded:
+        if key in _loaded:
             return _loaded[key], True
         path = cache_folder() / f"{key[:32]}.o"
-        code = _stored(path) if cache else None
+        code = _stored(path)
         hit = code is not None
         if code is None:
             code = bytes(target_machine().emit_object(parsed(source)))
-            if cache:
-                _store(path, code)
-        kernel = _link(code)
-        if cache:
-            _loaded[key] = kernel
-        return kernel, hit
+            _store(path, code)
+        _loaded[key] = _link(code)
+        return _loaded[key], hit
 
 
 def parsed(source: str) -> Any:

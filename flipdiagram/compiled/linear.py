@@ -120,10 +120,7 @@ class Linearization:
 def linearize(
     program: Program, layout: Layout, parameters: Floats, state: Floats, inputs: Floats, tick: int
 ) -> Linearization:
-    """The Jacobians of update and outputs with respect to state and inputs at one point, exact to rounding.
-
-    The derivative of the branch taken, for choices (min, max, if-then-else); 0 for steps (floor, ceil) and of abs at 0.
-    """
+    """The Jacobians of update and outputs by state and inputs at one point; see ``CompiledDiagram.linearize``."""
     n, time = state.size, np.float64(program.offset + tick * program.period)
     rows = _gradients(program, {"parameter": parameters, "state": state, "input": inputs}, time)
     names = (tuple(names.elements()) for names in (layout.states, layout.inputs, layout.outputs))

@@ -138,10 +138,6 @@ def common_timing(structure: Structure) -> tuple[float, float]:
 def check_states(structure: Structure) -> None:
     """NotCompilable, naming the block, where a state is continuous or abstract."""
     for leaf in structure.leaves:
-        context = leaf.system.CreateDefaultContext()
-        for kind, count in (
-            ("continuous", context.num_continuous_states()),
-            ("abstract", context.num_abstract_states()),
-        ):
-            if count:
+        for kind in ("continuous", "abstract"):
+            if getattr(leaf.system, f"num_{kind}_states")():
                 raise NotCompilable(f"block {leaf.label} has {kind} state; valid is discrete vector state")

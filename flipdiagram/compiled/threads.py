@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -42,9 +42,7 @@ def run_kernel(
     else:
         pool = ThreadPoolExecutor(threads)
         try:
-            futures = [pool.submit(run, *piece) for piece in pieces]
-            for future in wait(futures, return_when=FIRST_EXCEPTION).done:
-                future.result()
+            list(pool.map(run, *zip(*pieces, strict=True)))
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
     final = np.empty(given.state.shape)

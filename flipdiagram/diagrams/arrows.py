@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from functools import partial
 
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort, System
 from pydrake.systems.primitives import Adder, PassThrough
@@ -38,6 +39,7 @@ class Arrows:
         self._builder, self._inputs, self._own = builder, inputs, own
         self._sources: dict[str, OutputPort | int] = {**inputs, **(outputs or {})}
         self._exported: set[str] = set()
+        self._misfit = partial(misfit, argument="replace: " if own else "")
 
     def add(self, name: str, box: System) -> System:
         """Put a further box into the figure."""
@@ -69,15 +71,19 @@ class Arrows:
         An input of the diagram that nothing takes ends in a box `unused_<signal>`: it is there all the same.
         """
         for box in self._own:
-            for i in range(box.num_input_ports()):
-                end = box.get_input_port(i)
-                if not self._builder.IsConnectedOrExported(end):
-                    signal = end.get_name()
-                    if signal not in self._sources:
-                        raise misfit(box.get_name(), f"input port '{signal}', which is absent here", self._sources)
-                    self._connect(signal, self._sources[signal], end)
+            self.feed(box)
         for signal in self._inputs:
             self.unused(signal)
+
+    def feed(self, box: System) -> None:
+        """Connect the inputs of a box that nothing leads to yet, by the names of the figure's signals."""
+        for i in range(box.num_input_ports()):
+            end = box.get_input_port(i)
+            if not self._builder.IsConnectedOrExported(end):
+                signal = end.get_name()
+                if signal not in self._sources:
+                    raise self._misfit(box.get_name(), f"input port '{signal}', which is absent here", self._sources)
+                self._connect(signal, self._sources[signal], end)
 
     def unused(self, signal: str) -> None:
         """End a signal from outside in a box `unused_<signal>`, if it is an input of the diagram that nothing takes."""
@@ -88,7 +94,8 @@ class Arrows:
     def _connect(self, signal: str, start: OutputPort | int, end: InputPort) -> None:
         size = start if isinstance(start, int) else start.size()
         if size != end.size():
-            raise misfit(end.get_system().get_name(), f"input port '{end.get_name()}' has size {end.size()}", f"{size}")
+            name, has = end.get_system().get_name(), f"input port '{end.get_name()}' has size {end.size()}"
+            raise self._misfit(name, has, f"{size}")
         if not isinstance(start, int):
             self._builder.Connect(start, end)
         elif signal in self._exported:

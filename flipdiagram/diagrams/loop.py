@@ -40,7 +40,7 @@ class Loop:
     scenario: Scenario
     architecture: str
     arm: ArmModel
-    mpc: ModelPredictiveController | RecedingHorizonController
+    mpc: ModelPredictiveController
     boxes: ControllerBoxes
     cell: Cell
     q_start: Floats
@@ -131,9 +131,7 @@ def _record(
     return logs
 
 
-def _mpc(
-    scenario: Scenario, motion: Planner, start: Start, planner: Callable[[], Plan]
-) -> ModelPredictiveController | RecedingHorizonController:
+def _mpc(scenario: Scenario, motion: Planner, start: Start, planner: Callable[[], Plan]) -> ModelPredictiveController:
     """The MPC of the scenario: it plans once, or again and again."""
     settings, start_time = scenario.planner, scenario.simulation.hold_time
     if settings.replan_period is None:

@@ -24,6 +24,7 @@ from flipdiagram.blocks.pd import ProportionalDerivative
 from flipdiagram.blocks.sensors import PseudoDerivative
 from flipdiagram.diagrams.arrows import OUTSIDE, Arrows
 from flipdiagram.diagrams.controller import check_architecture
+from flipdiagram.diagrams.replacement import misfit
 from flipdiagram.errors import InputError
 from flipdiagram.plants.one_dof import OneDofPlant
 from flipdiagram.scenario.one_dof import OneDof
@@ -134,7 +135,7 @@ def build_open(controller: System, settings: OneDof) -> Diagram:
     builder.ExportInput(noisy.get_input_port(1), "v_noise")
     builder.ExportInput(disturbed.get_input_port(1), "f_d")
     builder.Connect(disturbed.get_output_port(), plant.GetInputPort("f"))
-    signals: dict[str, OutputPort | None] = dict.fromkeys(COMMANDS)
+    signals: dict[str, OutputPort | int] = dict.fromkeys(COMMANDS, 1)
     force = _close(builder, controller, disturbed.get_input_port(0), signals | {"x": x, "v": noisy.get_output_port()})
     for name, port in {"x": x, "a": plant.GetOutputPort("a"), "force": force}.items():
         builder.ExportOutput(port, name)
@@ -179,28 +180,16 @@ def _plant_and_sensor(
 
 
 def _close(
-    builder: DiagramBuilder, controller: System, f: InputPort, signals: Mapping[str, OutputPort | None]
+    builder: DiagramBuilder, controller: System, f: InputPort, signals: Mapping[str, OutputPort | int]
 ) -> OutputPort:
-    """Add the controller between its signals, exported as inputs where None, and the port f; returns its force."""
+    """Add the controller between its signals, those that are sizes as inputs, and the port f; returns its force."""
     if not controller.HasOutputPort("force"):
         name = controller.get_name()
         raise InputError(f"controller '{name}' has no output 'force'; give it one [N]", field="controller", value=name)
     force = controller.GetOutputPort("force")
-    ports = [controller.get_input_port(i) for i in range(controller.num_input_ports())]
-    for port in ports:
-        if port.get_name() not in CONTROLLER_INPUTS:
-            message = f"controller input '{port.get_name()}' is unknown; valid are {', '.join(CONTROLLER_INPUTS)}"
-            raise InputError(message, field="controller", value=port.get_name(), valid=CONTROLLER_INPUTS)
-    for port in (*ports, force):
-        if port.size() != 1:
-            message = f"controller port '{port.get_name()}' has size {port.size()}; valid is 1"
-            raise InputError(message, field=port.get_name(), value=port.size(), valid=1)
+    if force.size() != 1:
+        raise misfit("controller", f"output port 'force' of size {force.size()}", "1", argument="")
     builder.AddNamedSystem("controller", controller)
-    for port in ports:
-        source = signals[port.get_name()]
-        if source is None:
-            builder.ExportInput(port, port.get_name())
-        else:
-            builder.Connect(source, port)
+    Arrows(builder, signals).feed(controller)
     builder.Connect(force, f)
     return force

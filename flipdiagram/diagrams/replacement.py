@@ -42,10 +42,10 @@ def with_replaced(
     return boxes
 
 
-def misfit(name: str, has: str, valid: str | Collection[str]) -> InputError:
+def misfit(name: str, has: str, valid: str | Collection[str], argument: str = "replace: ") -> InputError:
     """The error of a box that does not fit its place."""
     words = valid if isinstance(valid, str) else ", ".join(valid)
-    return InputError(f"replace: the box for '{name}' has {has}; valid is {words}", field=name, value=has, valid=valid)
+    return InputError(f"{argument}the box for '{name}' has {has}; valid is {words}", field=name, value=has, valid=valid)
 
 
 def build_diagram(builder: DiagramBuilder, replace: Mapping[str, Box] | None) -> Diagram:

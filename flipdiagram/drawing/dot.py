@@ -66,8 +66,7 @@ def render(graph: Graph, lines: tuple[Line, ...], style: Style, title: str | Non
     """
     if len(lines) > MOST_LINES:
         return run_dot(to_dot(graph, lines, style, title), f"-T{form}")
-    sums = frozenset(full_name(box.path) for box in graph.boxes if box.kind == "sum")
-    placed = place(run_dot(to_dot(graph, lines, style, legend=False), "-Tjson"), lines, sums)
+    placed = place(run_dot(to_dot(graph, lines, style, legend=False), "-Tjson"), graph, lines)
     return run_dot(to_dot(graph, lines, style, title, placed=placed), "-Kneato", "-n2", f"-T{form}")
 
 
@@ -89,11 +88,6 @@ def quoted(text: str) -> str:
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", " ") + '"'
 
 
-def key(path: Names) -> str:
-    """The quoted id of a box."""
-    return quoted(full_name(path))
-
-
 def _cluster(
     graph: Graph, path: Names, style: Style, main: set[Names], placed: Placement | None, indent: str
 ) -> list[str]:
@@ -107,7 +101,7 @@ def _cluster(
             out.append(f'{indent}  style="filled,rounded"; fillcolor="#F7F7F7"; color="#999999";')
             out.append(f"{indent}  label={quoted(words)};")
             if placed is not None:
-                out.append(f"{indent}  {placed.clusters[name]};")
+                out.append(f"{indent}  {placed.clusters[inner]};")
             out += [*_cluster(graph, inner, style, main, placed, indent + "  "), f"{indent}}}"]
     return out
 
@@ -131,12 +125,12 @@ def _node(box: Box, style: Style, main: bool, placed: Placement | None) -> str:
             attributes["penwidth"] = "2.4"
     if box.kind not in ("input", "output"):
         attributes["fillcolor"] = quoted(style.colour(box))
-    fixed = "" if placed is None else f", {placed.nodes[name]}"
-    return f"{key(box.path)} [{', '.join(f'{k}={v}' for k, v in attributes.items())}{fixed}]"
+    fixed = "" if placed is None else f", {placed.nodes[box.path]}"
+    return f"{quoted(name)} [{', '.join(f'{k}={v}' for k, v in attributes.items())}{fixed}]"
 
 
 def _edge(number: int, line: Line, placed: Placement | None) -> str:
-    ends = (line.source, line.target)
+    start, end = (quoted(full_name(path)) for path in (line.source, line.target))
     attributes = {}
     if line.signals:
         rows = [", ".join(map(signal_html, row)) for row in signal_rows(line.signals)]
@@ -147,6 +141,6 @@ def _edge(number: int, line: Line, placed: Placement | None) -> str:
         attributes["weight"] = "20"
     if line.backward and placed is None:
         attributes["dir"] = "back"
-        ends = ends[::-1]
+        start, end = end, start
     fixed = "" if placed is None else f", {placed.edges[number]}"
-    return f"{key(ends[0])} -> {key(ends[1])} [{', '.join(f'{k}={v}' for k, v in attributes.items())}{fixed}]"
+    return f"{start} -> {end} [{', '.join(f'{k}={v}' for k, v in attributes.items())}{fixed}]"

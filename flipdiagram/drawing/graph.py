@@ -87,11 +87,6 @@ def class_of(system: System) -> str:
     return re.sub(r"_?𝓣.*", "", type(system).__name__)
 
 
-def _only_looks_on(system: System) -> bool:
-    """Whether it is a log sink, or a meter that says so of itself."""
-    return isinstance(system, VectorLogSink) or getattr(system, "only_looks_on", False)
-
-
 def leaves(path: Names, system: System) -> Iterator[tuple[Names, System]]:
     """The leaf systems of a system with their paths, in the order in which they were added."""
     if not isinstance(system, Diagram):
@@ -152,7 +147,8 @@ class _Reader:
 
     def _add_boxes(self, diagram: Diagram, above: Names) -> None:
         for name, system in named_systems(diagram):
-            if not self._taps and _only_looks_on(system):
+            looks_on = isinstance(system, VectorLogSink) or getattr(system, "only_looks_on", False)
+            if looks_on and not self._taps:
                 continue
             group = self._group_of.get(name) if diagram is self._diagram else None
             outer = above if group is None else (*above, group)
@@ -225,15 +221,13 @@ class _Reader:
         return path or None
 
     def _add_arrow(self, start: _End, end: _End) -> None:
-        if start.path == end.path and self._boxes[start.path].kind == "closed" and self._inside_group(start.path):
+        closed = self._boxes[start.path].kind == "closed"
+        if closed and start.path == end.path and start.path[0] in self._group_of.values():
             return
         signal = ""
         if start.names and end.names:
             signal = next((name for name in (*start.names, *end.names) if not _GENERIC.fullmatch(name)), "")
         self._arrows.append(Arrow(start.path, end.path, signal, start.port, end.port))
-
-    def _inside_group(self, path: Names) -> bool:
-        return path[0] in self._group_of.values()
 
 
 def _group_of(diagram: Diagram, groups: Mapping[str, Collection[str]]) -> dict[str, str]:

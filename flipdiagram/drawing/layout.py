@@ -69,20 +69,18 @@ def _backward(graph: Graph, pairs: list[tuple[Names, Names]], feedback: Collecti
     sources = [box.path for box in graph.boxes if box.path not in entered]
     back: set[tuple[Names, Names]] = set()
     done: set[Names] = set()
-    for start in (*sources, *after):
-        trail: dict[Names, int] = {start: 0} if start not in done else {}
-        while trail:
-            box = next(reversed(trail))
-            if trail[box] == len(after[box]):
-                del trail[box]
-                done.add(box)
-                continue
-            target = after[box][trail[box]]
-            trail[box] += 1
+
+    def follow(box: Names, trail: frozenset[Names]) -> None:
+        done.add(box)
+        for target in after[box]:
             if target in trail:
                 back.add((box, target))
             elif target not in done:
-                trail[target] = 0
+                follow(target, trail | {target})
+
+    for start in (*sources, *after):
+        if start not in done:
+            follow(start, frozenset({start}))
     circle = {path for pair in back for path in pair}
     fed = set(after) - set(sources)
     for pair in pairs:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 
-from flipdiagram.drawing.graph import Names, full_name
+from flipdiagram.drawing.graph import Graph, Names, full_name
 from flipdiagram.drawing.layout import Line
-from flipdiagram.drawing.routes import GAP, Point, Rectangle, Route, Routes, Wire, around, branches, place_name
+from flipdiagram.drawing.routes import GAP, Point, Rectangle, Route, Routes, around, branches, place_name
 from flipdiagram.drawing.typography import size_of
 
 ARROW = 7.0
@@ -18,29 +18,32 @@ ARROW = 7.0
 class Placement:
     """Attributes of DOT that fix boxes, arrows and the names of signals."""
 
-    nodes: dict[str, str]
+    nodes: dict[Names, str]
     edges: tuple[str, ...]
-    clusters: dict[str, str]
+    clusters: dict[Names, str]
     frame: Rectangle
     branches: tuple[Point, ...]
     """Where lines that begin together part."""
 
 
-def place(laid_out: bytes, lines: tuple[Line, ...], sums: frozenset[str]) -> Placement:
+def place(laid_out: bytes, graph: Graph, lines: tuple[Line, ...]) -> Placement:
     """Final places, from the JSON of Graphviz's `dot`, with feedback below the main path."""
     objects = {node["name"]: node for node in json.loads(laid_out).get("objects", ())}
-    boxes = {name: _box(node) for name, node in objects.items() if "pos" in node}
-    areas = {name: Rectangle(*map(float, node["bb"].split(","))) for name, node in objects.items() if "bb" in node}
-    turned = _feedback_is_above(boxes, lines)
-    if turned:  # textbooks have it below
+    boxes = {box.path: _box(objects[full_name(box.path)]) for box in graph.boxes}
+    corners_of = {path: objects["cluster_" + full_name(path)]["bb"] for path in graph.open_paths}
+    areas = {path: Rectangle(*map(float, corners.split(","))) for path, corners in corners_of.items()}
+    main, back = _sides(lines)
+    heights = [sum(boxes[path].centre[1] for path in side) / len(side) for side in (main, back) if side]
+    turned = len(heights) == 2 and heights[1] > heights[0]
+    if turned:  # textbooks have feedback below
         boxes = {name: _mirrored(box) for name, box in boxes.items()}
         areas = {name: _mirrored(area) for name, area in areas.items()}
-    boxes = _below(boxes, lines)
+    boxes = _below(boxes, main, back)
     # Graphviz left room for it above, now that is below
     title_at = {name: (a.centre[0], a.bottom + 12.0 if turned else a.top - 12.0) for name, a in areas.items()}
     titles = [Rectangle(x - 40.0, y - 10.0, x + 40.0, y + 10.0) for x, y in title_at.values()]
-    wires = [Wire(full_name(line.source), full_name(line.target), line.net, line.main, line.backward) for line in lines]
-    routes = Routes(boxes, sums, wires, titles).all()
+    sums = {box.path for box in graph.boxes if box.kind == "sum"}
+    routes = Routes(boxes, sums, lines, titles).all()
     obstacles = [*boxes.values(), *titles]
     borders = [area.outline for area in areas.values()]
     names: list[Rectangle] = []
@@ -53,31 +56,22 @@ def place(laid_out: bytes, lines: tuple[Line, ...], sums: frozenset[str]) -> Pla
             text += f', lp="{x:.2f},{y:.2f}"'
         edges.append(text)
     corners = [*boxes.values(), *areas.values(), *names, *(around(p, p) for route in routes for p in route)]
-    lefts, bottoms, rights, tops = zip(*(c.sides for c in corners), strict=True) if corners else ((0.0,),) * 4
+    lefts, bottoms, rights, tops = zip(*corners, strict=True) if corners else ((0.0,),) * 4
     frame = Rectangle(min(lefts), min(bottoms), max(rights), max(tops))
     nodes = {name: 'pos="{:.2f},{:.2f}"'.format(*box.centre) for name, box in boxes.items()}
     clusters = {
-        name: 'bb="{:.2f},{:.2f},{:.2f},{:.2f}"; lp="{:.2f},{:.2f}"'.format(*a.sides, *title_at[name])
+        name: 'bb="{:.2f},{:.2f},{:.2f},{:.2f}"; lp="{:.2f},{:.2f}"'.format(*a, *title_at[name])
         for name, a in areas.items()
     }
-    return Placement(nodes, tuple(edges), clusters, frame, tuple(branches(routes, wires)))
+    return Placement(nodes, tuple(edges), clusters, frame, tuple(branches(routes, lines)))
 
 
-def _feedback_is_above(boxes: dict[str, Rectangle], lines: tuple[Line, ...]) -> bool:
-    main, back = _sides(lines)
-    if not main or not back:
-        return False
-    height = [sum(boxes[full_name(path)].centre[1] for path in side) / len(side) for side in (main, back)]
-    return height[1] > height[0]
-
-
-def _below(boxes: dict[str, Rectangle], lines: tuple[Line, ...]) -> dict[str, Rectangle]:
+def _below(boxes: dict[Names, Rectangle], main: list[Names], back: list[Names]) -> dict[Names, Rectangle]:
     """The boxes, those of the feedback that stand above a straight main path moved below it where there is room."""
-    main, back = _sides(lines)
-    heights = [boxes[full_name(path)].centre[1] for path in main]
+    heights = [boxes[path].centre[1] for path in main]
     if not main or max(heights) - min(heights) > 1.0:
         return boxes
-    names = [full_name(path) for path in back if len(path) == 1]  # clusters stay as they are
+    names = [path for path in back if len(path) == 1]  # clusters stay as they are
     above = [name for name in names if boxes[name].centre[1] > heights[0]]
     placed = dict(boxes)
     for name in above:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 from pydrake.systems.framework import Diagram, InputPort, OutputPort, PortDataType, System
 
-from flipdiagram.drawing.graph import Names, class_of, full_name
-
-Wired = tuple[System, int]
+from flipdiagram.drawing.graph import Names, class_of, full_name, read_graph
 
 _KINDS = ("direct", "events", "continuous", "sampled")
 
@@ -66,16 +65,6 @@ class Rate:
     outputs: tuple[Port, ...]
     feedthrough: tuple[tuple[str, str], ...]
 
-    @property
-    def period(self) -> float | None:
-        """Sample time [s]; None where the system is not sampled with one fixed period."""
-        return self.timing.period if self.timing.kind == "sampled" else None
-
-    @property
-    def offset(self) -> float | None:
-        """Time of the first sample [s]; None as for `period`."""
-        return self.timing.offset if self.timing.kind == "sampled" else None
-
 
 class RateTable(tuple[Rate, ...]):
     """Rows of `Rate`, with a Markdown form that notebooks show."""
@@ -114,14 +103,16 @@ def timing_of(system: System) -> Timing:
 
 def rates_of(diagram: Diagram, systems: Iterable[tuple[Names, System]], unconnected: bool) -> RateTable:
     """The rows of some leaf systems of a diagram, with the ports that something is connected to or with all."""
-    inputs, outputs = _wired(diagram)
+    everything = read_graph(diagram, depth=sys.maxsize, taps=True)
+    names = {system: full_name(path) for box in everything.boxes for path, system in box.systems}
+    sources, targets = ({getattr(arrow, end) for arrow in everything.arrows} for end in ("source_port", "target_port"))
     rows = []
     for path, system in systems:
         ins = [system.get_input_port(i) for i in range(system.num_input_ports())]
         outs = [system.get_output_port(o) for o in range(system.num_output_ports())]
         if not unconnected:
-            ins = [port for port in ins if (system, int(port.get_index())) in inputs]
-            outs = [port for port in outs if (system, int(port.get_index())) in outputs]
+            ins = [port for port in ins if f"{names[system]}.{port.get_name()}" in targets]
+            outs = [port for port in outs if f"{names[system]}.{port.get_name()}" in sources]
         through = tuple(
             (i.get_name(), o.get_name())
             for o in outs
@@ -135,36 +126,3 @@ def rates_of(diagram: Diagram, systems: Iterable[tuple[Names, System]], unconnec
 
 def _port(port: InputPort | OutputPort) -> Port:
     return Port(port.get_name(), port.size() if port.get_data_type() == PortDataType.kVectorValued else None)
-
-
-def _wired(root: Diagram) -> tuple[set[Wired], set[Wired]]:
-    """Inputs and outputs of leaf systems that are connected to something or exported from the whole diagram."""
-    inputs: set[Wired] = set()
-    outputs: set[Wired] = set()
-
-    def take_input(system: System, index: int) -> None:
-        if not isinstance(system, Diagram):
-            inputs.add((system, int(index)))
-            return
-        for inner, i in system.GetInputPortLocators(index):
-            take_input(inner, i)
-
-    def take_output(system: System, index: int) -> None:
-        while isinstance(system, Diagram):
-            system, index = system.get_output_port_locator(index)
-        outputs.add((system, int(index)))
-
-    def visit(diagram: Diagram) -> None:
-        for (target, i), (source, o) in diagram.connection_map().items():
-            take_input(target, i)
-            take_output(source, o)
-        for inner in diagram.GetSystems():
-            if isinstance(inner, Diagram):
-                visit(inner)
-
-    visit(root)
-    for i in range(root.num_input_ports()):
-        take_input(root, root.get_input_port(i).get_index())
-    for o in range(root.num_output_ports()):
-        take_output(root, root.get_output_port(o).get_index())
-    return inputs, outputs

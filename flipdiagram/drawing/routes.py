@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
+
+from flipdiagram.drawing.graph import Names
+from flipdiagram.drawing.layout import Line
 
 Point = tuple[float, float]
 """x to the right, y upwards [pt]."""
@@ -35,8 +38,7 @@ PIECE_TOO_SHORT, ON_A_SHARED_PIECE = 80.0, 50.0
 OFF_THE_MIDDLE, BESIDE_AN_UPRIGHT, BELOW, PER_LENGTH, LONG = 60.0, 20.0, 5.0, 1.0 / 10.0, 200.0
 
 
-@dataclass(frozen=True)
-class Rectangle:
+class Rectangle(NamedTuple):
     """An area with its sides along the axes."""
 
     left: float
@@ -50,14 +52,9 @@ class Rectangle:
         return (self.left + self.right) / 2, (self.bottom + self.top) / 2
 
     @property
-    def sides(self) -> tuple[float, float, float, float]:
-        """Left, bottom, right, top."""
-        return self.left, self.bottom, self.right, self.top
-
-    @property
     def outline(self) -> Route:
         """Its sides as one closed route."""
-        left, bottom, right, top = self.sides
+        left, bottom, right, top = self
         return (left, bottom), (right, bottom), (right, top), (left, top), (left, bottom)
 
     def shifted(self, upwards: float) -> Rectangle:
@@ -80,91 +77,79 @@ def around(a: Point, b: Point) -> Rectangle:
     return Rectangle(min(a[0], b[0]), min(a[1], b[1]), max(a[0], b[0]), max(a[1], b[1]))
 
 
-@dataclass(frozen=True)
-class Wire:
-    """What a route is wanted for."""
-
-    source: str
-    target: str
-    net: frozenset[str]
-    """Output ports: wires of the same ones may share their beginning."""
-    main: bool
-    backward: bool = False
-
-
 class Routes:
-    """Routes of wires between boxes, each found with regard to all others."""
+    """Routes of lines between boxes, each found with regard to all others."""
 
     def __init__(
-        self, boxes: dict[str, Rectangle], sums: frozenset[str], wires: Sequence[Wire], texts: Sequence[Rectangle] = ()
+        self, boxes: dict[Names, Rectangle], sums: set[Names], lines: Sequence[Line], texts: Sequence[Rectangle]
     ) -> None:
-        self._boxes, self._sums, self._wires, self._texts = boxes, sums, wires, texts
-        self._main = {end for wire in wires if wire.main for end in (wire.source, wire.target)}
+        self._boxes, self._sums, self._lines, self._texts = boxes, sums, lines, texts
+        self._main = {end for line in lines if line.main for end in (line.source, line.target)}
         self._lanes = _lanes(boxes.values())
         self._routes: dict[int, Route] = {}
-        order = sorted(range(len(wires)), key=lambda i: (not wires[i].main, i))
+        order = sorted(range(len(lines)), key=lambda i: (not lines[i].main, i))
         for i in (*order, *order):  # the first ones did not know of the later ones
             self._routes.pop(i, None)
-            self._routes[i] = self._best(wires[i])
+            self._routes[i] = self._best(lines[i])
 
     def all(self) -> list[Route]:
-        """The routes in the order of the wires."""
-        return [self._routes[i] for i in range(len(self._wires))]
+        """The routes in the order of the lines."""
+        return [self._routes[i] for i in range(len(self._lines))]
 
-    def _best(self, wire: Wire) -> Route:
+    def _best(self, line: Line) -> Route:
         """Of up to two corners, short, clear of boxes and of the other routes."""
-        ways = [(self._length(route, wire), i, route) for i, route in enumerate(self._ways(wire))]
+        ways = [(self._length(route, line), i, route) for i, route in enumerate(self._ways(line))]
         least, best = math.inf, None
         for length, _, route in sorted(ways):
             if length >= least:
                 break
-            cost = self._with_obstacles(length, route, wire, least)
+            cost = self._with_obstacles(length, route, line, least)
             if cost < least:
                 least, best = cost, route
         assert best is not None, "some way leads around everything"
         return best
 
-    def _ways(self, wire: Wire) -> Iterator[Route]:
-        a, b = self._boxes[wire.source], self._boxes[wire.target]
-        for i in self._offsets(wire.source):
+    def _ways(self, line: Line) -> Iterator[Route]:
+        a, b = self._boxes[line.source], self._boxes[line.target]
+        for i in self._offsets(line.source):
             yield from _straight(a, b, i)
-            for j in self._offsets(wire.target):
+            for j in self._offsets(line.target):
                 yield from _bent(a, b, i, j, self._lanes)
 
-    def _offsets(self, name: str) -> Sequence[float]:
+    def _offsets(self, name: Names) -> Sequence[float]:
         if name in self._sums:
             return SIDE[:1]
         box = self._boxes[name]
         most = USABLE * min(box.right - box.left, box.top - box.bottom)
         return [offset for offset in SIDE if abs(offset) <= most]
 
-    def _length(self, route: Route, wire: Wire) -> float:
+    def _length(self, route: Route, line: Line) -> float:
         """Cost of a route for itself."""
         pieces = list(pairwise(route))
         lengths = [abs(b[0] - a[0]) + abs(b[1] - a[1]) for a, b in pieces]
         cost = PIECE * len(pieces) + LENGTH * sum(lengths)
         cost += SHORT_TAIL * (lengths[0] < GAP) + SHORT_HEAD * (lengths[-1] < 2 * GAP)
-        ends = (self._boxes[wire.source], route[0]), (self._boxes[wire.target], route[-1])
+        ends = (self._boxes[line.source], route[0]), (self._boxes[line.target], route[-1])
         cost += OFF_CENTRE * sum(_off_centre(box, end) for box, end in ends)
-        joins = wire.target in self._sums and wire.target in self._main and not wire.main
+        joins = line.target in self._sums and line.target in self._main and not line.main
         if joins and len(route) > 2 and abs(route[-1][1] - route[-2][1]) < LEVEL:
             cost += INTO_A_SUM_FROM_ITS_SIDE  # terms join the main path from above or below
-        highest = max(self._boxes[end].top for end in (wire.source, wire.target))
-        if wire.backward and any(y > highest for _, y in route):
+        highest = max(self._boxes[end].top for end in (line.source, line.target))
+        if line.backward and any(y > highest for _, y in route):
             cost += FEEDBACK_ABOVE  # feedback runs below
         return cost
 
-    def _with_obstacles(self, cost: float, route: Route, wire: Wire, enough: float) -> float:
+    def _with_obstacles(self, cost: float, route: Route, line: Line, enough: float) -> float:
         """That cost and what is in the way; no further than to `enough`."""
         pieces = [around(*piece) for piece in pairwise(route)]
         for name, box in self._boxes.items():
-            by = GAP if name not in (wire.source, wire.target) else -1.0
+            by = GAP if name not in (line.source, line.target) else -1.0
             cost += THROUGH_A_BOX * sum(_near(box, piece, by) for piece in pieces)
             if cost >= enough:
                 return cost
         cost += THROUGH_TEXT * sum(_near(text, piece, 0.0) for text in self._texts for piece in pieces)
         for i, laid in self._routes.items():
-            same = self._wires[i].net == wire.net and laid[0] == route[0]
+            same = self._lines[i].net == line.net and laid[0] == route[0]
             others = [around(*piece) for piece in pairwise(laid)]
             cost += sum(_conflict(piece, other, same) for piece in pieces for other in others)
             if cost >= enough:
@@ -172,9 +157,9 @@ class Routes:
         return cost
 
 
-def branches(routes: Sequence[Route], wires: Sequence[Wire]) -> list[Point]:
-    """Where wires of one net part."""
-    pairs = ((i, k) for i in range(len(routes)) for k in range(i) if wires[k].net == wires[i].net)
+def branches(routes: Sequence[Route], lines: Sequence[Line]) -> list[Point]:
+    """Where lines of one net part."""
+    pairs = ((i, k) for i in range(len(routes)) for k in range(i) if lines[k].net == lines[i].net)
     points = (_parting(routes[i], routes[k]) for i, k in pairs)
     return list(dict.fromkeys(point for point in points if point is not None))
 

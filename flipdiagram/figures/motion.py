@@ -36,22 +36,27 @@ def plot_trajectories(recordings: Recordings, ax: Axes | None = None) -> Axes:
     own, ax = ax is None, ax or new_axes(1, (5.2, 5.4))[0]
     for name, recording in _command_first(recordings):
         window = _motion(recording, before=0.0)
-        y, z, _ = _components(window, "x_cmd" if name == "command" else "x")
+        y, z, _ = window["x_cmd" if name == "command" else "x"].values.T
         _line(ax, y, z, name)
         if name == "command":
             k = int(np.searchsorted(window["time"].values, recording.attrs["release_time_s"]))
             ax.plot(y[0], z[0], "s", **MARK, label="start")
             ax.plot(y[k], z[k], "o", **MARK, markerfacecolor="white", label="planned release")
         elif (lost := dropped_at(recording)) is not None:
-            y, z, _ = _components(recording.sel(time=[lost], method="nearest"), "x")
+            y, z, _ = recording["x"].sel(time=lost, method="nearest").values
             ax.plot(y, z, "X", **MARK, markersize=9, markerfacecolor=style_of(name).color)
     if any(dropped_at(recording) is not None for recording in recordings.values()):
         ax.plot([], [], "X", **MARK, markersize=9, markerfacecolor="white", label="block dropped")
+    finish_path(ax, own)
+    return ax
+
+
+def finish_path(ax: Axes, own: bool) -> None:
+    """Labels, equal scales and legend of a path in the y-z plane."""
     ax.set(xlabel=LABELS["x"][0], ylabel=LABELS["x"][1])
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.08)
     finish([ax], own)
-    return ax
 
 
 def plot_velocities(
@@ -150,7 +155,7 @@ def _plot_responses(
     shown = {name: recordings[name] for name in architectures if name in recordings}
     for name, recording in _command_first(shown):
         window = _motion(recording)
-        components = _components(window, f"{quantity}_cmd" if name == "command" else quantity)
+        components = window[f"{quantity}_cmd" if name == "command" else quantity].values.T
         for ax, values in zip(axes, components, strict=True):
             _line(ax, window["time"], values, name)
     for ax, label in zip(axes, LABELS[quantity], strict=True):
@@ -177,7 +182,3 @@ def _motion(recording: xr.Dataset, before: float = 0.05, after: float = 0.15) ->
 
 def _line(ax: Axes, horizontal: ArrayLike, vertical: ArrayLike, name: str) -> None:
     ax.plot(horizontal, vertical, label=NAMES[name], **style_of(name).line())
-
-
-def _components(recording: xr.Dataset, name: str) -> list[Array]:
-    return list(recording[name].values.T)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import Any
 
-from flipdiagram.errors import InputError
+from flipdiagram.errors import InputError, first_line
 from flipdiagram.flips.flip import SOURCES, code_version
-from flipdiagram.flips.workers import Workers, first_line
+from flipdiagram.flips.workers import Workers
 
 CONNECT_TIMEOUT = 10.0
 """Seconds to wait for the scheduler."""

@@ -21,14 +21,14 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from flipdiagram.errors import InputError, SimulationError
+from flipdiagram.errors import InputError, SimulationError, first_line
 from flipdiagram.files import plain
 from flipdiagram.flips.child_process import TrialError, TrialTimeoutError
 from flipdiagram.flips.flight import Flight, Landed, Planned, Work, provenance
 from flipdiagram.flips.flip import scenario_digest
 from flipdiagram.flips.outcome import Outcome
 from flipdiagram.flips.store import Row, Store
-from flipdiagram.flips.workers import Workers, first_line
+from flipdiagram.flips.workers import Workers
 
 ATTEMPTS = 5
 """How often a trial is tried whose worker is lost; then it is `crashed`."""

@@ -78,11 +78,6 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def first_line(error: BaseException) -> str:
-    """Of its message, or its name."""
-    return str(error).splitlines()[0] if str(error) else type(error).__name__
-
-
 def workers_of(jobs: int | None, scheduler: str | None) -> Workers:
     """Children of this process, or the cluster of a Dask scheduler, 'tcp://127.0.0.1:8786'; InputError if unusable."""
     if scheduler is None:

@@ -15,6 +15,7 @@ from flipdiagram.robot.serial_chain import SerialChain, serial_chain
 
 REACHED = 1e-9
 """Largest error of a sample's task pose [m, rad], as in ArmModel.inverse_kinematics_path."""
+SINGULAR = "the arm cannot follow the path: it passes a singular pose"
 
 
 class ArmMotion:
@@ -56,11 +57,6 @@ class ArmMotion:
         """q̇ (K, n) at joint angles q (K, n) of a tool that moves with v (K, 3)."""
         return np.array([self._inverse(at)[:, :3] @ velocity for at, velocity in zip(q, v, strict=True)])
 
-    def torques(self, q: Floats, v: Floats, a: Floats) -> Floats:
-        """τ (K, n) at joint angles q (K, n) of a tool that moves with v (K, 3) and accelerates with a (K, 3)."""
-        _, _, by_input, rest = self.along(q, v)
-        return (by_input @ a[:, :, None])[..., 0] + rest
-
     def _inverse(self, q: Floats) -> Floats:
         jacobian = self.arm.task_jacobian(q)[1]
         square = jacobian.shape[0] == jacobian.shape[1]
@@ -98,19 +94,16 @@ class ChainMotion(ArmMotion):
     def along(self, q: Floats, v: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """As of `ArmMotion`; raises PlanningError where a pose is singular."""
         at = self._kinematics.along(self._chain, q, v)
-        _check(at.regular)
+        if not at.regular:
+            raise PlanningError(SINGULAR)
         return at.qd, at.from_task[:, :, :3], *self._dynamics.task_dynamics(self._chain, at)
 
     def speeds(self, q: Floats, v: Floats) -> Floats:
         """As of `ArmMotion`; raises PlanningError where a pose is singular."""
         qd = np.empty_like(q)
-        _check(self._kinematics.speeds(self._chain, q, v, qd))
+        if not self._kinematics.speeds(self._chain, q, v, qd):
+            raise PlanningError(SINGULAR)
         return qd
-
-
-def _check(regular: bool) -> None:
-    if not regular:
-        raise PlanningError("the arm cannot follow the path: it passes a singular pose")
 
 
 def arm_motion(arm: ArmModel, x: float, native: bool) -> ArmMotion:

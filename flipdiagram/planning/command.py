@@ -69,8 +69,7 @@ class Command:
         """This command with offset and rate such that it continues `last` at `begins`."""
         x, v, _ = last.at(self.begins)
         mine_x, mine_v, _ = replace(self, offset=NOTHING, rate=NOTHING).at(self.begins)
-        e: Three = (x[0] - mine_x[0], x[1] - mine_x[1], x[2] - mine_x[2])
-        r: Three = (v[0] - mine_v[0], v[1] - mine_v[1], v[2] - mine_v[2])
+        e, r = ((old[0] - new[0], old[1] - new[1], old[2] - new[2]) for old, new in ((x, mine_x), (v, mine_v)))
         return replace(self, offset=e, rate=r, blend=blend)
 
 

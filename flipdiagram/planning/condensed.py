@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections import OrderedDict
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -24,9 +25,13 @@ from flipdiagram.planning.dense import DenseProgram
 from flipdiagram.planning.horizon import INPUTS, STATES, STRIDE, Layout
 from flipdiagram.planning.jit import compiled
 from flipdiagram.planning.model import LandingCost, flight
-from flipdiagram.planning.program import FREE_TRUST, TRUST_LENGTH, TURNING_RADIUS, Solution
+from flipdiagram.planning.program import FREE_TRUST, TRUST_LENGTH, TURNING_RADIUS, HorizonProgram, Solution
 from flipdiagram.planning.rows import Rows
 
+CONDENSED = "daqp"
+"""`planner.solver` by which the condensed program is chosen."""
+ELASTIC = "clarabel"
+"""Solver of the elastic program where the plain one is the condensed program."""
 AXES = 3
 EQUALITIES = 1 + AXES
 """Landing height, and the tool's last velocity."""
@@ -65,7 +70,7 @@ class CondensedProgram:
         self._basis = unit_smoothing_basis(layout, sampling_time, smoothing)
         self._drift = drift_basis(layout, sampling_time)
         self._lengths = np.tile([TRUST_LENGTH, TRUST_LENGTH, 1.0], layout.intervals)
-        self._horizons: OrderedDict[tuple[int, int], Horizon] = OrderedDict()
+        self._horizon = lru_cache(CACHED)(self._make_horizon)
         self._current: tuple[Rows, Floats, tuple[Floats, float], Floats] | None = None
         self.program: DenseProgram | None = None
         """What the last update made of its numbers."""
@@ -131,24 +136,40 @@ class CondensedProgram:
             residual=max(missed, rows.excess(w)),
         )
 
-    def _horizon(self, n_contact: int, n_flight: int) -> Horizon:
+    def _make_horizon(self, n_contact: int, n_flight: int) -> Horizon:
         """What depends on contact and flight samples alone."""
-        key = (n_contact, n_flight)
-        if key not in self._horizons:
-            basis = self._basis[:, INPUTS * (self.layout.release - n_contact) :]
-            matrix, offset = flight(n_flight * self.sampling_time)
-            weight = self.cost.residual_matrix() @ matrix
-            _, sigma, q = np.linalg.svd(np.sqrt(2.0) * weight @ basis[self._released], full_matrices=False)
-            map_ = np.ascontiguousarray(basis - (basis @ q.T * (1.0 - 1.0 / np.sqrt(1.0 + sigma**2))) @ q)
-            residual = self.cost.residual_matrix() @ (offset - self.cost.target())
-            gradient = 2.0 * weight @ map_[self._released]
-            samples = np.arange(self.layout.release - n_contact + 1, self.layout.intervals + 1)
-            poses = STRIDE * samples[:, None] + np.arange(AXES)
-            self._horizons[key] = Horizon(map_, weight, residual, gradient, poses[:, 2], poses.ravel())
-            if len(self._horizons) > CACHED:
-                self._horizons.popitem(last=False)
-        self._horizons.move_to_end(key)
-        return self._horizons[key]
+        basis = self._basis[:, INPUTS * (self.layout.release - n_contact) :]
+        matrix, offset = flight(n_flight * self.sampling_time)
+        weight = self.cost.residual_matrix() @ matrix
+        _, sigma, q = np.linalg.svd(np.sqrt(2.0) * weight @ basis[self._released], full_matrices=False)
+        map_ = np.ascontiguousarray(basis - (basis @ q.T * (1.0 - 1.0 / np.sqrt(1.0 + sigma**2))) @ q)
+        residual = self.cost.residual_matrix() @ (offset - self.cost.target())
+        gradient = 2.0 * weight @ map_[self._released]
+        samples = np.arange(self.layout.release - n_contact + 1, self.layout.intervals + 1)
+        poses = STRIDE * samples[:, None] + np.arange(AXES)
+        return Horizon(map_, weight, residual, gradient, poses[:, 2], poses.ravel())
+
+
+Program = HorizonProgram | CondensedProgram
+
+
+def make_program(
+    layout: Layout,
+    sampling_time: float,
+    cost: LandingCost,
+    smoothing: float,
+    solver: str = "clarabel",
+    elastic_groups: Sequence[str] = (),
+) -> Program:
+    """The program of that `planner.solver`, built once for a layout and ΔT [s]; smoothing [s⁵/m²].
+
+    An elastic program has slacks, which only Drake's programs offer: for "daqp" it is one with Clarabel.  Raises
+    InputError where the solver is not built in, has no licence, or its package is not installed.
+    """
+    if solver == CONDENSED and not elastic_groups:
+        return CondensedProgram(layout, sampling_time, cost, smoothing)
+    solver = ELASTIC if solver == CONDENSED else solver
+    return HorizonProgram(layout, sampling_time, cost, smoothing, solver, elastic_groups)
 
 
 def unit_smoothing_basis(layout: Layout, sampling_time: float, smoothing: float) -> Floats:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from flipdiagram.arrays import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import constraints, limits
 from flipdiagram.planning.arm_motion import arm_motion
+from flipdiagram.planning.condensed import CONDENSED, Program, make_program
 from flipdiagram.planning.constraints import Trajectory
-from flipdiagram.planning.engines import CONDENSED, Program, make_program
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.model import LandingCost, flight
 from flipdiagram.planning.plan import Plan
@@ -94,11 +94,14 @@ class Convexification:
         self._program = self._build(())
         self._native = settings.solver == CONDENSED if native is None else native
         self.motion = arm_motion(arm, task.start_x, self._native)
-        self._linearisations: OrderedDict[tuple[int, int, float], Linearisation] = OrderedDict()
-        self._elastic: Program | None = None
+        self._linearisation = lru_cache(CACHED)(self._make_linearisation)
         self._q_start: Floats | None = None
         if self._native:  # whatever is to be compiled is compiled now, not in the middle of a motion
-            self._linearisation(self.layout.release, 1).at(np.zeros(self.layout.size))
+            self._linearisation(self.layout.release, 1, 0.0).at(np.zeros(self.layout.size))
+
+    @cached_property
+    def _elastic(self) -> Program:
+        return self._build(GROUPS)
 
     def _build(self, elastic_groups: tuple[str, ...]) -> Program:
         settings = self.scenario.planner
@@ -165,34 +168,28 @@ class Convexification:
         return Trajectory(states, inputs, n_contact, n_flight, dt)
 
     def _follow(self, point: Trajectory) -> limits.JointMotion:
-        moving = slice(self.layout.release - point.n_contact, None)
-        return self.motion.follow(self._tool(point.states[moving]), point.inputs[moving], self.q_start)
+        states, inputs = self.moving(point)
+        return self.motion.follow(self._tool(states), inputs, self.q_start)
 
     def rows(self, point: Trajectory) -> tuple[Rows, limits.JointMotion]:
         """All inequality rows, linearised about a trajectory, and the arm's motion along it."""
         layout, first = self.layout, self.layout.release - point.n_contact
         motion, w = self._follow(point), layout.pack(point.states, point.inputs)
-        moving = point.states[first:], point.inputs[first:]
-        joints = limits.joint_rows(layout, motion, moving, self.motion, self.allowed, first, self._in_motion)
-        return Rows.about(w, [self._linearisation(point.n_contact, point.n_flight).at(w), *joints]), motion
+        others = self._linearisation(point.n_contact, point.n_flight, self.shift).at(w)
+        joints = limits.joint_rows(
+            layout, motion, self.moving(point), self.motion, self.allowed, first, self._in_motion
+        )
+        return Rows.about(w, [others, *joints]), motion
 
-    def _linearisation(self, n_contact: int, n_flight: int) -> Linearisation:
+    def _make_linearisation(self, n_contact: int, n_flight: int, shift: float) -> Linearisation:
         """That of the constraints other than joint limits."""
-        key = (n_contact, n_flight, self.shift)
-        if key not in self._linearisations:
-            horizon = constraints.of_horizon(self.layout, self.scenario, n_contact, n_flight, self.shift)
-            self._linearisations[key] = Linearisation(horizon, self._native)
-            if len(self._linearisations) > CACHED:
-                self._linearisations.popitem(last=False)
-        self._linearisations.move_to_end(key)
-        return self._linearisations[key]
+        horizon = constraints.of_horizon(self.layout, self.scenario, n_contact, n_flight, shift)
+        return Linearisation(horizon, self._native)
 
     def solve(self, point: Trajectory, trust: float, elastic: bool = False) -> tuple[Solution, limits.JointMotion]:
         """One quadratic program, linearised about a trajectory."""
         rows, motion = self.rows(point)
-        if elastic and self._elastic is None:
-            self._elastic = self._build(GROUPS)
-        program = self._elastic if elastic and self._elastic is not None else self._program
+        program = self._elastic if elastic else self._program
         landing = constraints.landing_row(self.layout, point, self.scenario)
         start, waiting = self.start.copy(), self.layout.release - point.n_contact
         start[:3] -= waiting * point.sampling_time * start[3:]  # the waiting samples lead up to it at constant speed
@@ -235,11 +232,13 @@ class Convexification:
                 continue
             states, inputs = self.layout.unpack(solution.w)
             following = replace(point, states=states, inputs=inputs)
+            landing, offset = flight(point.n_flight * point.sampling_time)
+            cost = self.cost(landing @ states[self.layout.release] + offset)
             step = states[:, 2] - point.states[:, 2]
             change = float(np.max(np.abs(step)))
             slack = {name: value for name, value in solution.slack.items() if value > SLACK_TOLERANCE}
             settled = change < tolerance and not elastic
-            outcome = Outcome(following, point, self._landing_cost(following), settled, slack, solution, motion)
+            outcome = Outcome(following, point, cost, settled, slack, solution, motion)
             if change < tolerance and (settled or slack):
                 break
             # once the slacks are gone the plain program has a solution too
@@ -254,14 +253,14 @@ class Convexification:
             raise PlanningError(f"no motion found within {iterations} linearisations")
         return outcome
 
-    def moving(self, outcome: Outcome) -> tuple[Floats, Floats]:
-        """States and inputs of an outcome without the waiting samples."""
-        first = self.layout.release - outcome.point.n_contact
-        return outcome.point.states[first:], outcome.point.inputs[first:]
+    def moving(self, point: Trajectory) -> tuple[Floats, Floats]:
+        """States and inputs without the waiting samples."""
+        first = self.layout.release - point.n_contact
+        return point.states[first:], point.inputs[first:]
 
     def plan_of(self, outcome: Outcome, uses: Mapping[str, Floats], begin: float) -> Plan:
         """The plan of an outcome; uses: of the joint limits; begin: of planning, by time.perf_counter() [s]."""
-        point, (states, inputs) = outcome.point, self.moving(outcome)
+        point, (states, inputs) = outcome.point, self.moving(outcome.point)
         k = np.arange(point.n_contact)
         phi = [contact.sliding_angle(inputs[k, :2], states[at, 2]) for at in (k, k + 1)]
         return Plan(
@@ -281,10 +280,6 @@ class Convexification:
             solve_time=time.perf_counter() - begin,
             program_times=tuple(self.program_times),
         )
-
-    def _landing_cost(self, point: Trajectory) -> float:
-        matrix, offset = flight(point.n_flight * point.sampling_time)
-        return self.cost(matrix @ point.states[self.layout.release] + offset)
 
 
 def _between(a: Trajectory, b: Trajectory) -> Trajectory:

@@ -57,13 +57,12 @@ class DenseProgram(NamedTuple):
 
 @dataclass(frozen=True)
 class Minimum:
-    """v (n,), multipliers (m,) (> 0 at upper, < 0 at lower bounds), DAQP's word, iterations, and calls of DAQP."""
+    """v (n,), multipliers (m,) (> 0 at upper, < 0 at lower bounds), DAQP's word, and iterations."""
 
     v: Floats
     multipliers: Floats
     status: str
     iterations: int
-    calls: int
 
     @property
     def success(self) -> bool:
@@ -92,7 +91,7 @@ def minimise(program: DenseProgram) -> Minimum:
     if not norm.all():  # rows of zeros decide about nothing
         nothing = norm == 0.0
         if np.any(nothing & ((low > TOLERANCE) | (high < -TOLERANCE))):
-            return Minimum(np.zeros(f.size), np.zeros(low.size), STATUS[-1], 0, 0)
+            return Minimum(np.zeros(f.size), np.zeros(low.size), STATUS[-1], 0)
         slack, norm = np.where(nothing, np.inf, slack), np.where(nothing, 1.0, norm)
     distance = slack / norm
     distance[:equalities] = -np.inf
@@ -103,9 +102,8 @@ def minimise(program: DenseProgram) -> Minimum:
     count = int(ROWS_PER_VARIABLE * f.size)
     use = np.argpartition(distance, count)[:count] if count < distance.size else np.arange(distance.size)
     use.sort()  # equalities first
-    iterations = calls = 0
+    iterations = 0
     while True:
-        calls += 1
         v, _, flag, info = daqp.solve(
             _unit(f.size), f, A[use], high[use], low[use], kind[use], primal_tol=TOLERANCE, iter_limit=ITERATIONS
         )
@@ -123,7 +121,7 @@ def minimise(program: DenseProgram) -> Minimum:
                 use = np.union1d(use, np.flatnonzero(violated))
                 kind[equalities:] = np.sign(np.abs(multipliers[equalities:])) + 2 * (multipliers[equalities:] < 0)
                 continue
-        return Minimum(v, multipliers, STATUS.get(flag, STATUS[-2]), iterations, calls)
+        return Minimum(v, multipliers, STATUS.get(flag, STATUS[-2]), iterations)
 
 
 @lru_cache(maxsize=64)

@@ -112,50 +112,53 @@ def joint_rows(
         first: where the motion starts.
         given_start: in motion, with position and speed that no row could change.
     """
-    decided = slice(int(given_start), None)
-    at = first + decided.start
-    use = ((motion.q - allowed.middle) / allowed.half)[decided]
+    skip, states = int(given_start), point[0]
+    use = (motion.q - allowed.middle) / allowed.half
     near = np.abs(use) > NEAR
-    columns = STRIDE * (at + np.nonzero(near)[0]) + COLUMNS[:3]
-    slope, use = (motion.from_task[decided] / allowed.half[:, None])[near].T, use[near]
+    near[:skip] = False
+    columns = STRIDE * (first + np.nonzero(near)[0]) + COLUMNS[:3]
+    slope, use = (motion.from_task / allowed.half[:, None])[near].T, use[near]
     parts = [part(POSITION, columns, -sign * slope, 1 - sign * use) for sign in (1.0, -1.0)]
 
-    use = (motion.qd / allowed.speed)[decided]
-    k, j = np.nonzero(np.abs(use) > NEAR)
-    if k.size:
-        use, columns, k = use[k, j], STRIDE * (at + k) + COLUMNS[:STATES], k + decided.start
-        by_state = np.vstack([_speed_by_pose(motion, point[0], arm, k, j), motion.from_task[k, j].T])
-        parts.append(part(SPEED, columns, -np.sign(use) / allowed.speed[j] * by_state, 1 - np.abs(use)))
+    use = motion.qd / allowed.speed
+    near = np.abs(use) > NEAR
+    near[:skip] = False
+    if near.any():
+        (k, j), use = np.nonzero(near), use[near]
+        slope = np.vstack([_speed_by_pose(motion, states, arm, k, j), motion.from_task[k, j].T])
+        columns = STRIDE * (first + k) + COLUMNS[:STATES]
+        parts.append(part(SPEED, columns, -np.sign(use) / allowed.speed[j] * slope, 1 - np.abs(use)))
 
-    uses = motion.torque / allowed.torque
-    near = np.abs(uses) > NEAR
-    for end in (0, 1) if near.any() else ():
-        k, j = np.nonzero(near[end])
-        use, columns = uses[end, k, j], STRIDE * (first + k) + COLUMNS
+    use = motion.torque / allowed.torque
+    near = np.abs(use) > NEAR
+    if near.any():
+        (end, k, j), use = np.nonzero(near), use[near]
+        slope = np.vstack([_torque_by_state(motion, point, arm, end, k, j), motion.torque_from_task[k + end, j].T])
+        columns = STRIDE * (first + k) + COLUMNS
         columns[:STATES] += STRIDE * end
-        slope = np.vstack([_torque_by_state(motion, point, arm, k, j, end), motion.torque_from_task[k + end, j].T])
         parts.append(part(TORQUE, columns, -np.sign(use) / allowed.torque[j] * slope, 1 - np.abs(use)))
     return parts
 
 
 def _speed_by_pose(motion: JointMotion, states: Floats, arm: ArmMotion, k: Indices, j: Indices) -> Floats:
     """∂q̇_j/∂(y, z, θ) at samples k and constant v, shape (3, k.size), by differences; k ascends."""
-    near, n = k[np.append(True, k[1:] > k[:-1])], motion.q.shape[1]
-    q = motion.q[near, None] + STEP * motion.from_task[near].transpose(0, 2, 1)
-    moved = arm.speeds(q.reshape(-1, n), np.repeat(states[near, 3:], 3, axis=0)).reshape(-1, 3, n)
-    return ((moved - motion.qd[near, None]) / STEP)[np.searchsorted(near, k), :, j].T
+    at, n = k[np.append(True, k[1:] > k[:-1])], motion.q.shape[1]
+    q = motion.q[at, None] + STEP * motion.from_task[at].transpose(0, 2, 1)
+    moved = arm.speeds(q.reshape(-1, n), states[at, 3:].repeat(3, axis=0)).reshape(-1, 3, n)
+    return (moved[np.searchsorted(at, k), :, j].T - motion.qd[k, j]) / STEP
 
 
 def _torque_by_state(
-    motion: JointMotion, point: tuple[Floats, Floats], arm: ArmMotion, k: Indices, j: Indices, end: int
+    motion: JointMotion, point: tuple[Floats, Floats], arm: ArmMotion, end: Indices, k: Indices, j: Indices
 ) -> Floats:
     """∂τ_j/∂x̂ at constant a, at start (end = 0) or end (1) of intervals k, shape (6, k.size), as the other."""
-    near, n = k[np.append(True, k[1:] > k[:-1])[: k.size]], motion.q.shape[1]
-    q, v = np.repeat(motion.q[near + end], 6, axis=0), np.repeat(point[0][near + end, 3:], 6, axis=0)
-    q.reshape(-1, 6, n)[:, :3] += STEP * motion.from_task[near + end].transpose(0, 2, 1)
-    v.reshape(-1, 6, 3)[:, [3, 4, 5], [0, 1, 2]] += STEP
-    moved = arm.torques(q, v, np.repeat(point[1][near], 6, axis=0)).reshape(-1, 6, n)
-    return ((moved - motion.torque[end, near, None]) / STEP)[np.searchsorted(near, k), :, j].T
+    (at, place), n = np.unique(k + end, return_inverse=True), motion.q.shape[1]
+    q, v = motion.q[at, None].repeat(6, axis=1), point[0][at, None, 3:].repeat(6, axis=1)
+    q[:, :3] += STEP * motion.from_task[at].transpose(0, 2, 1)
+    v[:, [3, 4, 5], [0, 1, 2]] += STEP
+    _, _, by_input, rest = arm.along(q.reshape(-1, n), v.reshape(-1, 3))
+    by_input, rest = by_input.reshape(-1, 6, n, 3)[place, :, j], rest.reshape(-1, 6, n)[place, :, j]
+    return (((by_input @ point[1][k, :, None])[..., 0] + rest).T - motion.torque[end, k, j]) / STEP
 
 
 def limit_use(motion: JointMotion, arm: ArmModel) -> dict[str, Floats]:

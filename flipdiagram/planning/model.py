@@ -26,10 +26,8 @@ def transition(sampling_time: float) -> tuple[Floats, Floats]:
 @lru_cache(maxsize=256)
 def flight(duration: float) -> tuple[Floats, Floats]:
     """Ballistic flight over a duration [s] as x̂(t) = F x̂(0) + f: returns F (6, 6), f (6,), which are read-only."""
-    matrix = np.eye(6)
-    matrix[:3, 3:] = duration * np.eye(3)
-    offset = np.zeros(6)
-    offset[1], offset[4] = GRAVITY_Z * duration**2 / 2, GRAVITY_Z * duration
+    matrix, by_input = transition(duration)
+    offset = by_input @ [0.0, GRAVITY_Z, 0.0]
     matrix.flags.writeable = offset.flags.writeable = False
     return matrix, offset
 

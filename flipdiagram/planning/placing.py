@@ -20,7 +20,7 @@ from flipdiagram.planning.constraints import Geometry
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.rows import Constraint
-from flipdiagram.planning.segment import SegmentProgram
+from flipdiagram.planning.segment import segment
 from flipdiagram.planning.slide import Slide, tilt_for
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.scenario.scenario import Scenario
@@ -81,16 +81,17 @@ class Placer:
         slide = Slide(beyond, mu, way)
         edge_y = settings.target_y - geometry.half_length  # where the object's lower edge shall stand
         above, tilted = self._pose(below, edge_y, way), self._pose(beyond, edge_y, way)
-        tangent = np.array([np.cos(beyond), np.sin(beyond)])
-        away = tilted + settings.retreat * np.array([*tangent, 0.0])
-        wait = slide.duration + settings.wait
-        carry = SegmentProgram(carry_samples, dt)
-        tilt, retreat = (SegmentProgram(_samples(t, dt), dt) for t in (settings.tilt_time, settings.retreat_time))
+        away = tilted + settings.retreat * np.array([np.cos(beyond), np.sin(beyond), 0.0])
+        times = settings.tilt_time, slide.duration + settings.wait, settings.retreat_time
+        samples = carry_samples, *(max(4, round(t / dt)) for t in times)
+        carry, tilt, waiting, retreat = (Layout(count, 0) for count in samples)
+        sticking = constraints.contact(carry, self.scenario, np.arange(carry_samples)) + self._free(carry)
+        still = np.tile([*tilted, 0.0, 0.0, 0.0], (waiting.intervals + 1, 1))
         pieces = [
-            carry.plan(start, above, self._sticking(carry.layout)),
-            tilt.plan(above, tilted, self._free(tilt.layout)),
-            _rest(tilted, _samples(wait, dt)),
-            retreat.plan(tilted, away, self._free(retreat.layout)),
+            segment(start, above, sticking, carry, dt),
+            segment(above, tilted, self._free(tilt), tilt, dt),
+            (still, np.zeros((waiting.intervals, 3))),
+            segment(tilted, away, self._free(retreat), retreat, dt),
         ]
         states = np.vstack([pieces[0][0], *(piece[0][1:] for piece in pieces[1:])])
         inputs = np.vstack([piece[1] for piece in pieces])
@@ -113,9 +114,6 @@ class Placer:
         middle_z = table + self.settings.edge_clearance + g.half_blade * s[1] + g.blade_thickness * n[1]
         middle_y = edge_y + (way + g.half_length) * s[0]
         return np.array([middle_y, middle_z, 0.0]) + np.array([*(g.half_thickness * n), tilt])
-
-    def _sticking(self, layout: Layout) -> list[Constraint]:
-        return constraints.contact(layout, self.scenario, np.arange(layout.intervals)) + self._free(layout)
 
     def _free(self, layout: Layout) -> list[Constraint]:
         """The workspace, and every corner of the blade above the table."""
@@ -158,12 +156,3 @@ class Placer:
             iterations=1,
             solve_time=time.perf_counter() - begin,
         )
-
-
-def _samples(duration: float, dt: float) -> int:
-    return max(4, round(duration / dt))
-
-
-def _rest(place: Floats, samples: int) -> tuple[Floats, Floats]:
-    states = np.tile([*place, 0.0, 0.0, 0.0], (samples + 1, 1))
-    return states, np.zeros((samples, 3))

@@ -7,10 +7,11 @@ import math
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field, PlainValidator, TypeAdapter, ValidationError
 
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import InputError
@@ -18,7 +19,22 @@ from flipdiagram.planning.model import flight
 from flipdiagram.theory import contact
 
 SCHEMA = "flipdiagram/motion/1"
-WRITTEN_NOW = "a file written by this version"
+
+
+def _finite(numbers: Any) -> Floats:
+    """An array of them; raises ValueError where they are something else."""
+    try:
+        array = np.array(numbers, dtype=float)
+    except (TypeError, OverflowError) as error:
+        raise ValueError(str(error)) from None
+    if not np.all(np.isfinite(array)):
+        raise ValueError("not finite")
+    return array
+
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Count = Annotated[int, Field(strict=True, ge=1)]
+Samples = Annotated[Floats, PlainValidator(_finite)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,30 +45,30 @@ class Plan:
     object flies for `n_flight`; each interval lasts `sampling_time` and holds its acceleration (eq. (2)).
     """
 
-    sampling_time: float
-    n_contact: int
-    n_flight: int
-    n_brake: int
-    states: Floats
+    sampling_time: Annotated[Number, Field(gt=0)]
+    n_contact: Count
+    n_flight: Count
+    n_brake: Count
+    states: Samples
     """x̂(k) = [y, z, θ, v_y, v_z, v_θ] of the control point at samples 0 … n_contact + n_brake, shape (N + 1, 6)."""
-    inputs: Floats
+    inputs: Samples
     """u(k) = [a_y, a_z, a_θ], shape (N, 3)."""
-    cost: float
+    cost: Number
     """J of eq. (5)."""
-    residual: float
+    residual: Number
     """Largest violation of a constraint row or of eq. (2) in the last solve, in the row's own unit."""
-    max_sliding_angle: float
+    max_sliding_angle: Number
     """Largest |φ| of eq. (11) in the contact phase, at both ends of every interval [rad]."""
-    friction_angle: float
+    friction_angle: Number
     """ϕ = atan μ of the object on the tool [rad]."""
-    limit_use: dict[str, float]
+    limit_use: dict[str, Number]
     """Largest use of the joint limits along the motion, 1 = at the limit."""
     solver: str
-    iterations: int
+    iterations: Count
     """Quadratic programs solved, over all horizons searched."""
-    solve_time: float
+    solve_time: Number
     """Wall time of the whole planning [s]."""
-    program_times: tuple[float, ...] = ()
+    program_times: tuple[Number, ...] = ()
     """Wall time of each quadratic program [s]."""
 
     @property
@@ -172,24 +188,21 @@ class Plan:
         except ValueError as error:
             raise InputError(f"{source} is not valid JSON: {error}", field=source, valid="JSON") from None
         if not isinstance(data, dict) or data.pop("schema", None) != SCHEMA:
-            raise InputError(
-                f"{source} is no plan file; valid is a file with schema '{SCHEMA}'", field=source, valid=SCHEMA
-            )
-        if set(data) != {f.name for f in fields(cls)}:
-            raise InputError(
-                f"{source} lacks fields of a plan or has others; valid is {WRITTEN_NOW}",
-                field=source,
-                valid=WRITTEN_NOW,
-            )
-        try:
-            data["states"], data["inputs"] = (np.array(data[name], dtype=float) for name in ("states", "inputs"))
-            data["program_times"] = tuple(data["program_times"])
-            wrong = _wrong_fields(plan := cls(**data))
-        except (TypeError, ValueError, OverflowError):
-            wrong = ["states, inputs or program_times"]
+            valid = f"a file with schema '{SCHEMA}'"
+            raise InputError(f"{source} is no plan file; valid is {valid}", field=source, valid=SCHEMA)
+        valid, problem = "a file written by this version", " lacks fields of a plan or has others"
+        wrong = sorted(set(data) ^ {f.name for f in fields(cls)})
+        if not wrong:
+            try:
+                plan = TypeAdapter(cls).validate_python(data)
+                n = plan.n_contact + plan.n_brake
+                shapes = {"states": (n + 1, 6), "inputs": (n, 3)}
+                wrong = [name for name, shape in shapes.items() if getattr(plan, name).shape != shape]
+            except ValidationError as error:
+                wrong = list(dict.fromkeys(str(each["loc"][0]) for each in error.errors()))
+            problem = f": {', '.join(wrong)} of another shape or kind"
         if wrong:
-            text = f"{source}: {', '.join(wrong)} of another shape or kind; valid is {WRITTEN_NOW}"
-            raise InputError(text, field=source, value=wrong, valid=WRITTEN_NOW)
+            raise InputError(f"{source}{problem}; valid is {valid}", field=source, value=wrong, valid=valid)
         return plan
 
     @classmethod
@@ -201,31 +214,6 @@ class Plan:
         except (OSError, UnicodeDecodeError) as error:
             reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
             valid = "a file of 'flipdiagram plan'"
-            raise InputError(
-                f"{source} cannot be read: {reason}; valid is {valid}", field=source, valid=valid
-            ) from None
+            text = f"{source} cannot be read: {reason}; valid is {valid}"
+            raise InputError(text, field=source, valid=valid) from None
         return cls.from_json(text, source)
-
-
-def _wrong_fields(plan: Plan) -> list[str]:
-    """Names of the fields that are not of their kind and shape, or not finite."""
-    counts = ("n_contact", "n_flight", "n_brake", "iterations")
-    numbers = ("sampling_time", "cost", "residual", "max_sliding_angle", "friction_angle", "solve_time")
-    wrong = [name for name in counts if type(getattr(plan, name)) is not int or getattr(plan, name) < 1]
-    wrong += [name for name in numbers if not _is_number(getattr(plan, name))]
-    if wrong:
-        return wrong
-    intervals = plan.n_contact + plan.n_brake
-    right = {
-        "sampling_time": plan.sampling_time > 0,
-        "states": plan.states.shape == (intervals + 1, 6) and bool(np.all(np.isfinite(plan.states))),
-        "inputs": plan.inputs.shape == (intervals, 3) and bool(np.all(np.isfinite(plan.inputs))),
-        "limit_use": isinstance(plan.limit_use, dict) and all(map(_is_number, plan.limit_use.values())),
-        "solver": isinstance(plan.solver, str),
-        "program_times": all(map(_is_number, plan.program_times)),
-    }
-    return [name for name, good in right.items() if not good]
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)

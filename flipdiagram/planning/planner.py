@@ -138,7 +138,7 @@ class Planner:
 
     def _limit_use(self, outcome: Outcome) -> dict[str, Floats]:
         """`limits.limit_use` of the motion on a grid finer than ΔT."""
-        states, inputs = self.horizons.moving(outcome)
+        states, inputs = self.horizons.moving(outcome.point)
         tau = np.arange(CHECKS_PER_SAMPLE)[:, None] * (outcome.point.sampling_time / CHECKS_PER_SAMPLE)
         moves = states[:-1, None, :].repeat(CHECKS_PER_SAMPLE, axis=1)
         held = inputs[:, None, :].repeat(CHECKS_PER_SAMPLE, axis=1)

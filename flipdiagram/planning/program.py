@@ -15,17 +15,8 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from pydrake.solvers import (
-    ClarabelSolver,
-    GurobiSolver,
-    IpoptSolver,
-    MathematicalProgram,
-    MosekSolver,
-    OsqpSolver,
-    ScsSolver,
-    SnoptSolver,
-    SolverInterface,
-)
+from pydrake import solvers
+from pydrake.solvers import MathematicalProgram, SolverInterface
 
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import InputError
@@ -33,15 +24,8 @@ from flipdiagram.planning.horizon import STATES, STRIDE, Layout
 from flipdiagram.planning.model import LandingCost, flight, transition
 from flipdiagram.planning.rows import Rows
 
-_SOLVERS = {
-    "clarabel": ClarabelSolver,
-    "osqp": OsqpSolver,
-    "scs": ScsSolver,
-    "ipopt": IpoptSolver,
-    "snopt": SnoptSolver,
-    "mosek": MosekSolver,
-    "gurobi": GurobiSolver,
-}
+_NAMES = ("clarabel", "osqp", "scs", "ipopt", "snopt", "mosek", "gurobi")
+_SOLVERS = {name: getattr(solvers, f"{name.capitalize()}Solver") for name in _NAMES}
 SLACK_PRICE = 30.0
 """Price of a unit of slack; above the multipliers of a feasible program, so that slack is zero there."""
 TRUST_LENGTH = 0.5
@@ -54,7 +38,7 @@ TURNING_RADIUS = 0.05
 
 def make_solver(name: str) -> SolverInterface:
     """Drake's solver of that name; raises InputError where this Drake lacks it or its licence."""
-    solver = _SOLVERS[name]()
+    solver: SolverInterface = _SOLVERS[name]()
     if not (solver.available() and solver.enabled()):
         usable = [n for n, kind in _SOLVERS.items() if kind().available() and kind().enabled()]
         raise InputError(
@@ -131,8 +115,8 @@ class HorizonProgram:
             prog.AddBoundingBoxConstraint(0.0, 1e6, self._slack)
             prog.AddLinearCost(np.full(len(self._groups), SLACK_PRICE), 0.0, self._slack)
         self._rows = prog.AddLinearConstraint(sp.csc_matrix((1, size)), [-np.inf], [1.0], variables)
-        released = self._z[layout.x(layout.release, 0) : layout.x(layout.release, 0) + STATES]
-        self._released_units = self._units[layout.x(layout.release, 0) : layout.x(layout.release, 0) + STATES]
+        columns = slice(STRIDE * layout.release, STRIDE * layout.release + STATES)
+        released, self._released_units = self._z[columns], self._units[columns]
         self._landing_cost = prog.AddQuadraticCost(np.eye(STATES), np.zeros(STATES), 0.0, released, is_convex=True)
         self._landing = prog.AddLinearEqualityConstraint(np.ones((1, STATES)), np.zeros(1), released)
         self._current: Rows | None = None
@@ -160,15 +144,14 @@ class HorizonProgram:
         for component, radius in enumerate((length, length, trust)):
             low[layout.x(samples, component)] = near[1:, component] - radius
             high[layout.x(samples, component)] = near[1:, component] + radius
-        waiting = layout.u(np.arange(layout.release - n_contact), 0)
         for component in range(3):
-            low[waiting + component] = high[waiting + component] = 0.0
+            waiting = layout.u(np.arange(layout.release - n_contact), component)
+            low[waiting] = high[waiting] = 0.0
+            # the waiting states follow from the start; bounds on them would only repeat the equality
+            idle = layout.x(samples[: layout.release - n_contact], component)
+            low[idle], high[idle] = -np.inf, np.inf
         low[:STATES] = high[:STATES] = start
         low[-3:] = high[-3:] = 0.0
-        # the waiting states follow from the start; bounds on them would only repeat the equality
-        for component in range(3):
-            idle = layout.x(np.arange(1, layout.release - n_contact + 1), component)
-            low[idle], high[idle] = -np.inf, np.inf
         self._bounds.evaluator().UpdateLowerBound(low / self._units)
         self._bounds.evaluator().UpdateUpperBound(high / self._units)
 

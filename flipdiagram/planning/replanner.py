@@ -54,7 +54,10 @@ class Replanner:
         passed = round((begun + elapsed) / plan.sampling_time)
         for samples, flight in self._candidates(n_contact, plan.n_flight, passed):
             try:
-                outcome = self._settled(state, plan, elapsed, samples, flight)
+                guess = self._guess(state, plan, elapsed, samples, flight)
+                outcome = horizons.settle(guess, TOLERANCE, self.scenario.planner.replan_iterations, rescue=False)
+                if not outcome.settled:
+                    raise PlanningError("the linearisation has not settled")
             except PlanningError as error:
                 reason = reason or error
                 continue
@@ -62,7 +65,9 @@ class Replanner:
         if not outcomes:
             assert reason is not None, "the old plan's own samples are always among the candidates"
             raise reason
-        best = self._best(outcomes)
+        best = min(outcomes, key=lambda outcome: outcome.cost)
+        if outcomes[0].cost <= (1 + self.scenario.planner.search_tolerance) * best.cost:
+            best = outcomes[0]  # nearest to the old plan
         return horizons.plan_of(best, limits.limit_use(best.motion, self.arm), begin)
 
     def _candidates(self, n_contact: int, n_flight: int, passed: int) -> list[tuple[int, int]]:
@@ -81,18 +86,6 @@ class Replanner:
             if (i, j) == (0, 0)
             or (FEWEST <= n_contact + i <= settings.contact_samples[1] - passed and low <= n_flight + j <= high)
         ]
-
-    def _settled(self, state: Floats, plan: Plan, elapsed: float, n_contact: int, n_flight: int) -> Outcome:
-        guess = self._guess(state, plan, elapsed, n_contact, n_flight)
-        outcome = self.horizons.settle(guess, TOLERANCE, self.scenario.planner.replan_iterations, rescue=False)
-        if not outcome.settled:
-            raise PlanningError("the linearisation has not settled")
-        return outcome
-
-    def _best(self, outcomes: list[Outcome]) -> Outcome:
-        """The first, unless another one's J is smaller by more than planner.search_tolerance."""
-        best = min(outcomes, key=lambda outcome: outcome.cost)
-        return outcomes[0] if outcomes[0].cost <= (1 + self.scenario.planner.search_tolerance) * best.cost else best
 
     def _guess(self, state: Floats, plan: Plan, elapsed: float, n_contact: int, n_flight: int) -> Trajectory:
         """The old plan from `elapsed` on, on the samples of the new horizon, moved to begin at the state."""

@@ -52,11 +52,11 @@ class ContactForces(Block):
 
     def __init__(self, plant: MultibodyPlant, parts: Parts) -> None:
         super().__init__()
-        blade, block, table = (body.index() for body in (parts.arm.spatula_body, parts.block, parts.table))
-        self._slot = {(blade, block): (0, 1.0), (table, block): (3, 1.0), (table, blade): (6, 1.0)}
-        self._slot |= {(on, by): (first, -1.0) for (by, on), (first, _) in self._slot.items()}
         bodies = (parts.arm.spatula_body, parts.block, parts.table)
         self._body_of = {g: b.index() for b in bodies for g in plant.GetCollisionGeometriesForBody(b)}
+        blade, block, table = (body.index() for body in bodies)
+        self._slot = {(blade, block): (0, 1.0), (table, block): (3, 1.0), (table, blade): (6, 1.0)}
+        self._slot |= {(on, by): (first, -1.0) for (by, on), (first, _) in self._slot.items()}
         self.input("contact_results", Value[ContactResults]())
         self.output("contact_wrench", 12, self._wrench)
 
@@ -118,7 +118,9 @@ def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start
     plant.set_name("robot")
     if q_start is not None:
         plant.SetDefaultPositions(parts.arm.arm, q_start)
-    plant.SetDefaultFloatingBaseBodyPose(parts.block, RigidTransform(_block_at_start(scenario)))
+    task, unknown = scenario.task, scenario.disturbance
+    y = task.start_y + unknown.start_error + unknown.block_offset
+    plant.SetDefaultFloatingBaseBodyPose(parts.block, RigidTransform([task.start_x, y, task.start_z]))
     n = arm.n_joints
     friction = builder.AddNamedSystem("joint_friction", joint_friction(scenario, arm))
     torque = builder.AddNamedSystem("joint_torque", Adder(2, n))
@@ -129,8 +131,11 @@ def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start
     builder.Connect(friction.get_output_port(), torque.get_input_port(1))
     builder.Connect(torque.get_output_port(), plant.get_actuation_input_port(parts.arm.arm))
     builder.Connect(plant.get_contact_results_output_port(), contact.get_input_port())
-    if any(scenario.disturbance.push):
-        push = builder.AddNamedSystem("push", push_on_tool(scenario, parts))
+    if any(unknown.push):  # at the centre of the blade's top surface
+        point = parts.arm.tool.GetFixedPoseInBodyFrame().translation()
+        begin = settings.hold_time + unknown.push_time
+        push = Push(parts.arm.spatula_body, point, unknown.push, begin, unknown.push_duration)
+        builder.AddNamedSystem("push", push)
         builder.Connect(push.get_output_port(), plant.get_applied_spatial_force_input_port())
     return Cell(
         plant,
@@ -141,20 +146,6 @@ def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start
         qd=state.get_output_port(1),
         contact_wrench=contact.get_output_port(),
     )
-
-
-def _block_at_start(scenario: Scenario) -> Floats:
-    """Where the block's centre is at the start (3,) [m]."""
-    task, unknown = scenario.task, scenario.disturbance
-    return np.array([task.start_x, task.start_y + unknown.start_error + unknown.block_offset, task.start_z])
-
-
-def push_on_tool(scenario: Scenario, parts: Parts) -> Push:
-    """The push of the scenario, at the centre of the blade's top surface."""
-    unknown = scenario.disturbance
-    begin = scenario.simulation.hold_time + unknown.push_time
-    point = parts.arm.tool.GetFixedPoseInBodyFrame().translation()
-    return Push(parts.arm.spatula_body, point, unknown.push, begin, unknown.push_duration)
 
 
 def joint_friction(scenario: Scenario, arm: ArmModel) -> LeafSystem:

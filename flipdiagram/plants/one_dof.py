@@ -95,8 +95,6 @@ class OneDofPlant(Block):
     feeds through: shape (n,).
     """
 
-    numeric_parameter_names = ("mass", "f_c", "d", "gravity")
-
     def __init__(
         self,
         mass: ArrayLike,
@@ -109,8 +107,7 @@ class OneDofPlant(Block):
         if friction not in FRICTIONS:
             raise InputError.of("friction", friction, FRICTIONS)
         self.friction, (self.period, _) = friction, sampling(period)
-        self.parameter("mass", mass, strict=True)
-        n = self.mass.size
+        n = self.parameter("mass", mass, strict=True)
         self.parameter("f_c", f_c, n)
         self.parameter("d", d, n)
         self.parameter("gravity", gravity, n, minimum=-np.inf)

@@ -47,7 +47,10 @@ def show_live(
         raise SimulationError(f"Meshcat cannot listen on port {port}: {error}") from None
     announce(f"watch at {meshcat.web_url()} (waiting for a browser)")
     plan = plan_motion(scenario)
-    _mark(meshcat, scenario)
+    task = scenario.task
+    meshcat.SetObject("target", Sphere(0.006), Rgba(0.0, 0.62, 0.45, 1.0))  # where the block shall land
+    meshcat.SetTransform("target", RigidTransform([task.start_x, task.target_y, scenario.table.height]))
+    meshcat.SetCameraPose([task.start_x + 0.8, 0.25, 0.5], [task.start_x, 0.0, 0.3])
     while meshcat.GetNumActiveConnections() == 0:
         time.sleep(0.1)
     for name in architectures:
@@ -73,11 +76,3 @@ class _Pace:
         ahead = (simulated - self.start) / SPEED - (time.monotonic() - self.begin)
         if ahead > 0:
             time.sleep(ahead)
-
-
-def _mark(meshcat: Meshcat, scenario: Scenario) -> None:
-    """A small sphere where the block shall land, and a camera that looks at it."""
-    task, table = scenario.task, scenario.table
-    meshcat.SetObject("target", Sphere(0.006), Rgba(0.0, 0.62, 0.45, 1.0))
-    meshcat.SetTransform("target", RigidTransform([task.start_x, task.target_y, table.height]))
-    meshcat.SetCameraPose([task.start_x + 0.8, 0.25, 0.5], [task.start_x, 0.0, 0.3])

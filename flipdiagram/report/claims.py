@@ -13,30 +13,14 @@ from flipdiagram.studies.study import Summary
 def all_claims(frequency: Summary, experiment: Summary) -> list[dict[str, Any]]:
     """One entry a claim: id, where in the paper, claim, holds, measured, the paper's number, remark, command."""
     section_iii = [
-        {
-            "id": entry["id"],
-            "place": f"Fig. {FIGURES[entry['id']]}",
-            "claim": TEXTS[entry["id"]],
-            "holds": entry["holds"],
-            "measured": numbers(entry),
-            "paper": "figure, no number",
-            "remark": "",
-            "command": "flipdiagram frequency",
-        }
-        for entry in frequency["claims"]
+        (c | {"measured": numbers(c), "claim": TEXTS[c["id"]]}, f"Fig. {FIGURES[c['id']]}", "flipdiagram frequency")
+        for c in frequency["claims"]
     ]
-    return section_iii + [
-        {
-            "id": entry["id"],
-            "place": "section IV",
-            "claim": entry["text"],
-            "holds": entry["holds"],
-            "measured": entry["measured"],
-            "paper": entry["paper"],
-            "remark": entry["difference"],
-            "command": "flipdiagram experiment",
-        }
-        for entry in experiment["claims"]
+    section_iv = [(c | {"claim": c["text"]}, "section IV", "flipdiagram experiment") for c in experiment["claims"]]
+    return [
+        {"id": c["id"], "place": place, "claim": c["claim"], "holds": c["holds"], "measured": c["measured"]}
+        | {"paper": c.get("paper", "figure, no number"), "remark": c.get("difference", ""), "command": command}
+        for c, place, command in section_iii + section_iv
     ]
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import base64
 import html
 import re
+from base64 import b64encode
 from pathlib import Path
 
 STYLE = """
@@ -24,13 +24,12 @@ def self_contained(markdown: str, folder: Path) -> str:
 
     title = next((line.removeprefix("# ") for line in markdown.splitlines() if line.startswith("# ")), "report")
     body = MarkdownIt("commonmark", {"html": False}).enable("table").render(markdown)
-    body = re.sub(r'src="([^"]+\.png)"', lambda source: f'src="{_data(folder / source[1])}"', body)
+    data = 'src="data:image/png;base64,{}"'
+    body = re.sub(
+        r'src="([^"]+\.png)"', lambda source: data.format(b64encode((folder / source[1]).read_bytes()).decode()), body
+    )
     return (
         f'<!DOCTYPE html>\n<html lang="en">\n<head><meta charset="utf-8"><title>{html.escape(title)}</title>\n'
         f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>\n'
         f"<body>\n{body}</body>\n</html>\n"
     )
-
-
-def _data(path: Path) -> str:
-    return "data:image/png;base64," + base64.b64encode(path.read_bytes()).decode()

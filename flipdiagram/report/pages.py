@@ -120,7 +120,7 @@ def _observer(summary: Summary) -> str:
 def _map(a_map: Summary) -> str:
     axes = f"{a_map['x']['label']} × {a_map['y']['label']}"
     lines = [f"### {a_map['title']}", a_map["question"], _picture("borders", f"map_{a_map['name']}", axes)]
-    return "\n\n".join([*lines, *border_sentences(a_map)])
+    return "\n\n".join([*lines, border_sentences(a_map)])
 
 
 def _pictures(study: str, figures: tuple[tuple[str, str], ...]) -> str:

@@ -39,9 +39,7 @@ def run(
     """
     folder = Path(out)
     asked = {"quick": quick, "jobs": jobs, "no_replay": True}
-    summaries = {}
-    for name in PARTS:
-        summaries[name] = _summary_of(STUDIES[name], scenario, folder / name, asked, progress)
+    summaries = {name: _summary_of(STUDIES[name], scenario, folder / name, asked, progress) for name in PARTS}
     progress("writing the pages")
     claims = all_claims(summaries["frequency"], summaries["experiment"])
     body = {"quick": quick, "claims": claims, **_excerpt(summaries)}

@@ -17,14 +17,13 @@ ORIGINS = {
     "L": "published data or memory, low confidence",
     "o": "our choice",
 }
-_DEFAULT = Scenario()
 NOT_ASSUMED = ("frequency",)
 """Sections that say how a study measures, not what it assumes."""
 
 
 def scenario_grid(scenario: Scenario) -> Grid:
     """A row for every field of the scenario: value, unit, meaning, origin."""
-    rows = []
+    rows, default = [], Scenario()
     for path, field in fields_of(Scenario).items():
         section, name = path.split(".")
         if section in NOT_ASSUMED:
@@ -33,8 +32,8 @@ def scenario_grid(scenario: Scenario) -> Grid:
         mark = re.search(r"\s*\(([pHMLo])(?::\s*([^)]*))?\)", text)
         value = getattr(getattr(scenario, section), name)
         origin = ORIGINS[mark[1]] + (f": {mark[2]}" if mark[2] else "") if mark else _unmarked(name, value)
-        if value != (default := getattr(getattr(_DEFAULT, section), name)):
-            origin = f"set for this run; the default, {show(default)}, is of: {origin}"
+        if value != (usual := getattr(getattr(default, section), name)):
+            origin = f"set for this run; the default, {show(usual)}, is of: {origin}"
         plain = re.sub(r"\s*\([pHMLo](?::[^)]*)?\)", "", text)
         rows.append([f"`{path}`", show(value), "" if unit == "1" else unit, plain, origin])
     return Grid(["field", "value", "unit", "meaning", "origin"], rows)

@@ -11,8 +11,8 @@ A bad input ends in a one-line InputError.
 """
 
 from flipdiagram.results.accessor import FlipAccessor
-from flipdiagram.results.comparison import Comparison, compare
-from flipdiagram.results.differences import Change, SignalDifference
+from flipdiagram.results.comparison import Comparison, SignalDifference, compare
+from flipdiagram.results.differences import Change
 from flipdiagram.results.info import info
 from flipdiagram.results.opening import open_result
 

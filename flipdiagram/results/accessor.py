@@ -57,7 +57,8 @@ class FlipAccessor:
         """The scenario that was simulated; InputError where the Dataset keeps none or another version's."""
         text = self._data.attrs.get("scenario")
         if not text:
-            raise InputError("this Dataset keeps no scenario; valid is a recording with attribute 'scenario'")
+            valid = "a recording with attribute 'scenario'"
+            raise InputError(f"this Dataset keeps no scenario; valid is {valid}", field="scenario", valid=valid)
         return scenario.from_yaml(str(text), "scenario of the recording")
 
     def to_frame(self) -> pd.DataFrame:
@@ -96,9 +97,9 @@ class FlipAccessor:
             import pyarrow as pa  # type: ignore[import-untyped]  # has no type information
             from pyarrow import parquet
         except ImportError:
-            raise InputError(
-                "Parquet needs pyarrow, which is not installed; install it with: pip install 'flipdiagram[parquet]'"
-            ) from None
+            install = "pip install 'flipdiagram[parquet]'"
+            message = f"Parquet needs pyarrow, which is not installed; install it with: {install}"
+            raise InputError(message, field="pyarrow", valid=install) from None
         table = pa.Table.from_pandas(frame).select(["time", *frame.columns])  # else the index comes last
         units = frame.attrs["units"]
         fields = [table.schema.field(name).with_metadata({"units": units[name]}) for name in table.column_names]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,27 +14,33 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from flipdiagram.errors import InputError
-from flipdiagram.figures.style import NAMES, STYLES
+from flipdiagram.figures.style import STYLES
 from flipdiagram.grid import BAD, GOOD, Grid, number
 from flipdiagram.planning.plan import Plan
 from flipdiagram.results import plots
-from flipdiagram.results.differences import (
-    Change,
-    SignalDifference,
-    changes,
-    common_samples,
-    comparable,
-    leaves,
-    signal_difference,
-)
+from flipdiagram.results.differences import Change, changes, comparable, leaves
 from flipdiagram.results.opening import Source, read
-from flipdiagram.results.signals import check_recording, components, field_unit, flat, scenario_fields
+from flipdiagram.results.signals import Component, check_recording, components, field_unit, flat, scenario_fields
 from flipdiagram.simulation.metrics import measure
 
-SECOND = "#CC79A7"
-"""The colour of the second recording where both are of one architecture."""
+SECOND = {"color": "#CC79A7", "linestyle": "--", "zorder": 2.7}
+"""The line of the second recording where both are of one architecture."""
 MOST = 60
 """Rows of a Markdown table; the attributes of `Comparison` have all."""
+
+
+@dataclass(frozen=True)
+class SignalDifference:
+    """b − a of one component on the times that both have: largest with its time [s], and RMS, in `unit`."""
+
+    name: str
+    signal: str
+    unit: str
+    largest: float
+    rms: float
+    time: float
+    one_sided: int
+    """Samples at which one is nan and the other is not; they count in neither number."""
 
 
 @dataclass(frozen=True)
@@ -60,39 +67,34 @@ class Comparison:
     @property
     def same(self) -> bool:
         """Whether nothing differs."""
-        differ = any(part.largest or part.one_sided for part in self.signals)
-        changed = any(not change.same for change in self.metrics)
-        return self.same_grid is not False and not (
-            differ or changed or self.scenario or self.verdicts or self.numbers or self.notes
-        )
+        changed = self._differing or any(not change.same for change in self.metrics)
+        differs = changed or self.scenario or self.verdicts or self.numbers or self.notes
+        return self.same_grid is not False and not differs
+
+    @property
+    def _differing(self) -> list[SignalDifference]:
+        return [part for part in self.signals if part.largest or part.one_sided]
 
     def to_markdown(self) -> str:
         """The comparison as Markdown, ending with a newline."""
-        a, b = self.names
-        if self.names[0] == self.names[1]:
-            a, b = f"{a} (a)", f"{b} (b)"
+        a, b = _told_apart(self.names)
         text = [f"**{self.kind}: {a} and {b}**" + (": no difference" if self.same else "")]
         if self.same_grid is not None:
             text.append("Same times: " + (GOOD if self.same_grid else f"{BAD}, compared where both have a sample"))
         text += self.notes
-        text += [grid.title + "\n\n" + grid.markdown() if grid.title else grid.markdown() for grid in self.grids(a, b)]
+        text += [grid.title + "\n\n" + grid.markdown() for grid in self.grids(a, b)]
         return "\n\n".join(part.rstrip("\n") for part in text) + "\n"
 
     def grids(self, a: str = "a", b: str = "b") -> list[Grid]:
         """The tables of the comparison that have rows, for a terminal; a and b are the headings."""
-        differing = [part for part in self.signals if part.largest or part.one_sided]
-        worst: dict[tuple[str, str], SignalDifference] = {}
-        for part in differing:
-            key = part.signal, part.unit
-            worst[key] = max(
-                worst.get(key, part), part, key=lambda difference: (difference.largest, difference.one_sided)
-            )
+        by_signal = itertools.groupby(self._differing, key=lambda part: (part.signal, part.unit))
+        worst = [max(parts, key=lambda part: (part.largest, part.one_sided)) for _, parts in by_signal]
         signals = [
             [f"`{p.signal}`", f"`{p.name}`", p.unit, *map(number, (p.largest, p.rms, p.time)), str(p.one_sided or "–")]
-            for p in worst.values()
+            for p in worst
         ]
         headings = ["signal", "most in", "unit", "largest difference", "RMS", "at [s]", "nan in one only"]
-        title = f"Signals that differ ({len(differing)} components)"
+        title = f"Signals that differ ({len(self._differing)} components)"
         grids = [Grid(headings, signals, title, headings[3:])]
         for title, rows in (
             ("Metrics", self.metrics),
@@ -101,7 +103,8 @@ class Comparison:
             ("Numbers that differ", self.numbers),
         ):
             cells = [[f"`{row.name}`", row.unit, number(row.a), number(row.b), row.difference] for row in rows]
-            grids.append(Grid(["", "unit", a, b, "difference"], cells[:MOST], _title(title, len(cells))))
+            first = f"the first {MOST} of " if len(cells) > MOST else ""
+            grids.append(Grid(["", "unit", a, b, "difference"], cells[:MOST], f"{title} ({first}{len(cells)})"))
         return [grid for grid in grids if grid.rows]
 
     def plot(
@@ -113,39 +116,34 @@ class Comparison:
         signal that one of them does not have.
         """
         if self.recordings is None:
-            raise InputError(f"two results of kind '{self.kind}' have no signals; valid are recordings")
-        one, other = self.recordings
-        parts = components(one, signal)
-        other_names = [part.name for part in components(other, signal)]
-        if [part.name for part in parts] != other_names:
-            raise InputError(
-                f"'{signal}' is {', '.join(p.name for p in parts)} and {', '.join(other_names)}; valid is equal"
-            )
-        panels, own = plots.panels_for(parts, ax)
-        twins = one.attrs["architecture"] == other.attrs["architecture"]
-        lines = [plots.style_for(one).line(), plots.style_for(other).line()]
-        if twins:
-            lines[1] |= {"color": SECOND, "linestyle": "--", "zorder": 2.7}
+            message = f"two results of kind '{self.kind}' have no signals; valid are recordings"
+            raise InputError(message, field="signal", value=signal, valid="recordings")
+        parts, others = (components(data, signal) for data in self.recordings)
+        names = [", ".join(part.name for part in of_one) for of_one in (parts, others)]
+        if names[0] != names[1]:
+            message = f"'{signal}' is {names[0]} and {names[1]}; valid is equal"
+            raise InputError(message, field="signal", value=signal, valid="equal")
         # the name of an architecture says more than that of a file, where it tells the two apart
-        own_names = [str(data.attrs["architecture"]) for data in self.recordings]
-        labels = self.names if twins else (NAMES.get(own_names[0], own_names[0]), NAMES.get(own_names[1], own_names[1]))
-        if labels[0] == labels[1]:
-            labels = (f"{labels[0]} (a)", f"{labels[1]} (b)")
-        for panel, part in zip(panels, parts, strict=True):
+        lines = [plots.line_of(data) for data in self.recordings]
+        labels = (lines[0]["label"], lines[1]["label"])
+        if self.recordings[0].attrs["architecture"] == self.recordings[1].attrs["architecture"]:
+            labels = self.names
+            lines[1] |= SECOND
+        labels = _told_apart(labels)
+        one, other = (plots.view(data, None) for data in self.recordings)
+        here, there = _common_samples(one, other)
+
+        def draw(panel: Axes, part: Component) -> None:
             if difference:
-                first, second = (plots.view(data, None) for data in self.recordings)
-                here, there = common_samples(first, second)
-                values = part.values(second)[there] - part.values(first)[here]
-                label = f"{labels[1]} − {labels[0]}"
-                panel.plot(first["time"].values[here], values, label=label, **STYLES["command"].line())
-                panel.set_ylabel("Δ " + plots.label_of(part))
-            else:
-                for data, label, line in zip(self.recordings, labels, lines, strict=True):
-                    shown_data = plots.view(data, None)
-                    panel.plot(shown_data["time"], part.values(shown_data), label=label, **line)
-                panel.set_ylabel(plots.label_of(part))
-        plots.finish_panels(panels, own)
-        return panels[0] if len(parts) == 1 and not isinstance(ax, Sequence) else panels
+                values = part.values(other)[there] - part.values(one)[here]
+                style = STYLES["command"].line()
+                panel.plot(one["time"].values[here], values, label=f"{labels[1]} − {labels[0]}", **style)
+                panel.set_ylabel("Δ " + panel.get_ylabel())
+                return
+            for data, label, line in zip((one, other), labels, lines, strict=True):
+                panel.plot(data["time"], part.values(data), **line | {"label": label})
+
+        return plots.draw_components(parts, ax, draw)
 
     def _repr_markdown_(self) -> str:
         return self.to_markdown()
@@ -163,18 +161,19 @@ def compare(a: Comparable, b: Comparable) -> Comparison:
     """
     (one, first), (other, second) = _source(a, "a"), _source(b, "b")
     if one.kind != other.kind:
-        raise InputError(f"cannot compare a result of kind '{one.kind}' with '{other.kind}'; valid are two of one")
+        message = f"cannot compare a result of kind '{one.kind}' with '{other.kind}'; valid are two of one"
+        raise InputError(message, field="b", value=other.kind, valid=one.kind)
     names = (first, second)
     if one.data is not None and other.data is not None:
         if one.kind != "recording":
-            raise InputError(f"cannot compare {one.kind}; valid are recordings, plans, and summary.json of a study")
+            valid = "recordings, plans, and summary.json of a study"
+            message = f"cannot compare {one.kind}; valid are {valid}"
+            raise InputError(message, field="a", value=one.kind, valid=valid)
         return _recordings(one.data, other.data, names)
-    contents = [
-        source.plan.summary() if source.plan is not None else dict(source.summary or {}) for source in (one, other)
-    ]
+    contents = [dict(source.plan.summary() if source.plan else source.summary or {}) for source in (one, other)]
     scenarios = [flat(content.pop("scenario", {})) for content in contents]
     first_leaves, second_leaves, notes = comparable(leaves(contents[0]), leaves(contents[1]), names)
-    differing = changes(first_leaves, second_leaves)
+    differing = [change for change in changes(first_leaves, second_leaves) if not change.same]
     return Comparison(
         names,
         one.kind,
@@ -185,42 +184,68 @@ def compare(a: Comparable, b: Comparable) -> Comparison:
     )
 
 
+def _source(value: Comparable, name: str) -> tuple[Source, str]:
+    """What is compared, and what it is called."""
+    if isinstance(value, xr.Dataset):
+        return Source(Path(), "recording", check_recording(value)), str(value.attrs["architecture"])
+    if isinstance(value, Plan):
+        return Source(Path(), "motion", plan=value), name
+    if not isinstance(value, str | os.PathLike):
+        kind, valid = type(value).__name__, "recordings, plans, and the path of a summary.json"
+        raise InputError(f"{name} is a {kind}; valid are {valid}", field=name, value=value, valid=valid)
+    source = read(value)
+    return source, source.path.stem if source.data is not None else str(value)
+
+
 def _recordings(one: xr.Dataset, other: xr.Dataset, names: tuple[str, str]) -> Comparison:
-    check_recording(one)
-    check_recording(other)
-    first_parts, second_parts = ({part.name: part for part in components(data)} for data in (one, other))
-    where = common_samples(one, other)
-    alone = [k for k in first_parts if k not in second_parts], [k for k in second_parts if k not in first_parts]
+    parts, others = ({part.name: part for part in components(check_recording(data))} for data in (one, other))
+    here, there = _common_samples(one, other)
+    alone = [k for k in parts if k not in others], [k for k in others if k not in parts]
     notes = [f"Only in {names[k]}: " + ", ".join(f"`{part}`" for part in alone[k]) for k in (0, 1) if alone[k]]
     architectures = one.attrs["architecture"], other.attrs["architecture"]
     if architectures[0] != architectures[1]:
         notes.append(f"Architectures: `{architectures[0]}` and `{architectures[1]}`")
     signals = []
-    if len(where[0]):
-        time = one["time"].values[where[0]]
-        for name in (name for name in first_parts if name in second_parts):
-            if first_parts[name].unit != second_parts[name].unit:
-                notes.append(f"`{name}` is in {first_parts[name].unit} and in {second_parts[name].unit}: not compared")
-                continue
-            x, y = first_parts[name].values(one)[where[0]], second_parts[name].values(other)[where[1]]
-            signals.append(signal_difference(first_parts[name], x, y, time))
-    else:
+    for name, part in parts.items() if len(here) else ():
+        if name in others and part.unit != others[name].unit:
+            notes.append(f"`{name}` is in {part.unit} and in {others[name].unit}: not compared")
+        elif name in others:
+            x, y = part.values(one)[here], others[name].values(other)[there]
+            signals.append(_signal_difference(part, x, y, one["time"].values[here]))
+    if not len(here):
         notes.append("No time in common: signals not compared")
-    fields = [scenario_fields(data) for data in (one, other)]
-    same_grid = np.array_equal(one["time"].values, other["time"].values)
-    known = [part for part in fields if part is not None]
+    known = [fields for fields in map(scenario_fields, (one, other)) if fields is not None]
     if len(known) == 1:
         notes.append("Only one of them keeps its scenario: not compared")
     return Comparison(
         names,
         "recording",
-        same_grid,
+        np.array_equal(one["time"].values, other["time"].values),
         tuple(signals),
-        changes(_measured(one), _measured(other), all_of_them=True),
+        changes(_measured(one), _measured(other)),
         _fields(*known) if len(known) == 2 else (),
         notes=tuple(notes),
         recordings=(one, other),
     )
+
+
+def _common_samples(one: xr.Dataset, other: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the samples at the same time to a nanosecond, in both."""
+    a, b = (np.round(1e9 * data["time"].values).astype(np.int64) for data in (one, other))
+    _, here, there = np.intersect1d(a, b, return_indices=True)
+    return here, there
+
+
+def _signal_difference(part: Component, x: np.ndarray, y: np.ndarray, time: np.ndarray) -> SignalDifference:
+    """How one component differs between samples x and y at the same times [s]."""
+    both = np.isfinite(x) & np.isfinite(y)
+    apart = np.abs(y[both] - x[both])
+    largest, rms, at = 0.0, 0.0, float("nan")
+    if apart.size:
+        k = int(np.argmax(apart))
+        largest, rms, at = float(apart[k]), float(np.sqrt(np.mean(apart**2))), float(time[both][k])
+    one_sided = int(np.sum(np.isnan(x) != np.isnan(y)))
+    return SignalDifference(part.name, part.signal, part.unit, largest, rms, at, one_sided)
 
 
 def _measured(data: xr.Dataset) -> dict[str, Any]:
@@ -231,26 +256,10 @@ def _measured(data: xr.Dataset) -> dict[str, Any]:
 
 
 def _fields(a: dict[str, Any], b: dict[str, Any]) -> tuple[Change, ...]:
-    names = list(dict.fromkeys([*a, *b]))
-    missing = "no such field"
+    names, missing = dict.fromkeys([*a, *b]), "no such field"
     rows = (Change(name, field_unit(name), a.get(name, missing), b.get(name, missing)) for name in names)
     return tuple(row for row in rows if not row.same)
 
 
-def _source(value: Comparable, name: str) -> tuple[Source, str]:
-    if isinstance(value, xr.Dataset):
-        if "time" not in value.sizes:
-            raise InputError(f"{name} is no recording; valid are recordings, and the path of a summary.json")
-        check_recording(value)
-        return Source(Path(), "recording", value), str(value.attrs["architecture"])
-    if isinstance(value, Plan):
-        return Source(Path(), "motion", plan=value), name
-    if not isinstance(value, str | os.PathLike):
-        kind = type(value).__name__
-        raise InputError(f"{name} is a {kind}; valid are recordings, plans, and the path of a summary.json")
-    source = read(value)
-    return source, source.path.stem if source.data is not None else str(value)
-
-
-def _title(title: str, count: int) -> str:
-    return f"{title} ({count})" if count <= MOST else f"{title} (the first {MOST} of {count})"
+def _told_apart(names: tuple[str, str]) -> tuple[str, str]:
+    return (f"{names[0]} (a)", f"{names[1]} (b)") if names[0] == names[1] else names

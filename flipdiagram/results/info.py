@@ -51,25 +51,19 @@ def _recording(data: xr.Dataset) -> Rows:
         success, failure = bool(data.attrs["success"]), str(data.attrs["failure"])
     else:
         study, success, failure = STUDIES["turnover"], measured.success, str(measured.failure)
+    end, planned = float(data.attrs["end_time_s"]), float(data.attrs["release_time_s"])
+    landing = f"{landed.time_s:.3f} s at y = {landed.y_m:.4f} m, θ = {landed.theta_rad:.2f} rad" if landed else "none"
     rows = [
         ("architecture", str(data.attrs["architecture"])),
         (study.success[0], study.success[1] if success else f"not {study.success[1]}: {failure}"),
         ("start", f"y = {measured.start_y_m:g} m"),
-        (
-            "duration",
-            f"{time[-1] - time[0]:.4g} s, {time[0]:.4g} to {time[-1]:.4g} s, motion 0 to "
-            f"{float(data.attrs['end_time_s']):.4g} s",
-        ),
+        ("duration", f"{time[-1] - time[0]:.4g} s, {time[0]:.4g} to {time[-1]:.4g} s, motion 0 to {end:.4g} s"),
         ("sampling", f"{len(time)} samples, every {1e3 * (time[1] - time[0]):.4g} ms"),
         (
             "release",
-            f"{measured.release_time_s:.3f} s at θ = {measured.release_angle_rad:.2f} rad, planned "
-            f"{float(data.attrs['release_time_s']):.3f} s",
+            f"{measured.release_time_s:.3f} s at θ = {measured.release_angle_rad:.2f} rad, planned {planned:.3f} s",
         ),
-        (
-            "touch-down",
-            f"{landed.time_s:.3f} s at y = {landed.y_m:.4f} m, θ = {landed.theta_rad:.2f} rad" if landed else "none",
-        ),
+        ("touch-down", landing),
         ("position RMSE", f"{100 * measured.position_rmse_m:.3g} cm"),
     ]
     fields = scenario_fields(data)
@@ -82,8 +76,7 @@ def _flips(data: xr.Dataset) -> Rows:
     rows: Rows = []
     for name in data["architecture"].values:
         modes = Counter(str(mode) for mode in data["outcome"].sel(architecture=name).values if mode)
-        ended = ", ".join(f"{mode} {count}" for mode, count in modes.most_common()) or "none"
-        rows.append((f"flips, {name}", f"{modes.total()}: {ended}"))
+        rows.append((f"flips, {name}", f"{modes.total()}: {number(dict(modes.most_common())) or 'none'}"))
     return rows
 
 
@@ -93,15 +86,14 @@ def _variables(data: xr.Dataset) -> Rows:
     for name, variable in data.data_vars.items():
         dims = " × ".join(f"{dim} {size}" for dim, size in variable.sizes.items()) or "one value"
         units = str(variable.attrs.get("units", "1"))
-        text = f"{dims}; "
         if variable.dtype.kind not in "fiu":
-            text += f"{variable.dtype}"
+            text = f"{variable.dtype}"
         elif "," in units and "time" in variable.dims:
             parts = components(data, str(name))
-            text += ", ".join(f"{' '.join(p.labels)} {_range(p.values(data))} {_unit(p.unit)}" for p in parts)
+            text = ", ".join(f"{' '.join(p.labels)} {_range(p.values(data), p.unit)}" for p in parts)
         else:
-            text += f"{_range(variable.values)} {_unit(units)}"
-        rows.append((f"signal {name}", text))
+            text = _range(variable.values, units)
+        rows.append((f"signal {name}", f"{dims}; {text}"))
     return rows
 
 
@@ -151,25 +143,22 @@ def _rates(content: Mapping[str, Any]) -> Rows:
     entries = content.get("architectures") or {
         f"{content['architecture']}, {side} gains, held out": content["held_out"][side] for side in ("default", "tuned")
     }
-    return [
-        (
-            f"block, {name}",
-            "no flip that counts"
-            if entry["rate"] is None
-            else f"turned over in {100 * entry['rate']:.1f} %"
-            f" ({100 * entry['low']:.1f}–{100 * entry['high']:.1f} %): {number(entry['modes'])}",
-        )
-        for name, entry in entries.items()
-    ]
+    rows: Rows = []
+    for name, entry in entries.items():
+        text = "no flip that counts"
+        if entry["rate"] is not None:
+            rate, low, high = (f"{100 * entry[part]:.1f}" for part in ("rate", "low", "high"))
+            text = f"turned over in {rate} % ({low}–{high} %): {number(entry['modes'])}"
+        rows.append((f"block, {name}", text))
+    return rows
 
 
 def _claims(claims: Sequence[Mapping[str, Any]]) -> Rows:
-    hold = [claim["id"] for claim in claims if claim["holds"]]
-    broken = [claim["id"] for claim in claims if claim["holds"] is False]
-    open_ones = [claim["id"] for claim in claims if claim["holds"] is None]
-    rows = [("claims", f"{len(hold)} of {len(claims)} hold")]
-    rows += [("claims that do not hold", ", ".join(broken))] if broken else []
-    return rows + ([("claims not judged", ", ".join(open_ones))] if open_ones else [])
+    rows = [("claims", f"{sum(bool(claim['holds']) for claim in claims)} of {len(claims)} hold")]
+    for what, verdict in (("claims that do not hold", False), ("claims not judged", None)):
+        if ids := [claim["id"] for claim in claims if claim["holds"] is verdict]:
+            rows.append((what, ", ".join(ids)))
+    return rows
 
 
 def _maps(maps: Sequence[Mapping[str, Any]]) -> Rows:
@@ -192,9 +181,11 @@ def _engines(engines: Mapping[str, Any]) -> Rows:
 
 
 def _curves(curves: Sequence[Mapping[str, Any]]) -> Rows:
-    names = ", ".join(dict.fromkeys(str(curve["figure"]) for curve in curves))
-    omega = curves[0]["omega_rad_s"]
-    return [("curves", f"{len(curves)}, figures {names}; ω {_range(np.array(omega))} rad/s, {len(omega)} frequencies")]
+    names, omega = (
+        ", ".join(dict.fromkeys(str(curve["figure"]) for curve in curves)),
+        np.array(curves[0]["omega_rad_s"]),
+    )
+    return [("curves", f"{len(curves)}, figures {names}; ω {_range(omega, 'rad/s')}, {len(omega)} frequencies")]
 
 
 def _planned(plan: Mapping[str, Any]) -> Rows:
@@ -226,13 +217,9 @@ def _changed(fields: Mapping[str, Any]) -> Rows:
     ]
 
 
-def _unit(unit: str) -> str:
-    return "[1]" if unit == "1" else unit
-
-
-def _range(values: np.ndarray) -> str:
-    known = values[np.isfinite(values)]
-    if not known.size:
-        return "no number"
-    low, high = float(known.min()), float(known.max())
-    return f"{low:.4g}" if low == high else f"{low:.4g} … {high:.4g}"
+def _range(values: np.ndarray, unit: str) -> str:
+    known, text = values[np.isfinite(values)], "no number"
+    if known.size:
+        low, high = known.min(), known.max()
+        text = f"{low:.4g}" if low == high else f"{low:.4g} … {high:.4g}"
+    return f"{text} {'[1]' if unit == '1' else unit}"

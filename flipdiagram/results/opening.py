@@ -25,7 +25,7 @@ VERSION = 1
 IN_FOLDER = ("summary.json", "tuning.json", "plan.json", "frequency.nc", "campaign.sqlite")
 """What stands for a folder, first one first; after these a single recording."""
 VALID = (
-    "valid is a recording (.nc), summary.json, tuning.json, plan.json, frequency.nc, a campaign (.sqlite, .csv,"
+    "a recording (.nc), summary.json, tuning.json, plan.json, frequency.nc, a campaign (.sqlite, .csv,"
     " .parquet, .nc), or a folder that holds one"
 )
 BROKEN = (KeyError, TypeError, ValueError, IndexError, AttributeError)
@@ -75,9 +75,7 @@ def open_result(path: AnyPath) -> Result:
 
 def read(path: AnyPath) -> Source:
     """A file or folder of results, read and known by its kind; InputError as `open_result`."""
-    file = locate(path)
-    if file.suffix == ".html":
-        raise InputError(f"'{file}' is a page for a browser and is not supported here; {VALID}")
+    file = _locate(path)
     if file.suffix == ".nc":
         return _read_dataset(file)
     if file.suffix == ".json":
@@ -90,40 +88,43 @@ def read(path: AnyPath) -> Source:
         try:
             return Source(file, CAMPAIGN, read_table(file))
         except ImportError:
-            words = "pip install 'flipdiagram[parquet]'"
-            raise InputError(f"'{file}' needs pyarrow, which is not installed; install it with: {words}") from None
+            install = "pip install 'flipdiagram[parquet]'"
+            raise _refused(file, "needs pyarrow, which is not installed; install it with", install, ": ") from None
         except (OSError, *BROKEN) as error:
             raise damaged(file, error) from error
-    raise InputError(f"'{file}' is no file of results; {VALID}")
+    page = "is a page for a browser and is not supported here"
+    raise _refused(file, page if file.suffix == ".html" else "is no file of results")
 
 
-def locate(path: AnyPath) -> Path:
+def _locate(path: AnyPath) -> Path:
     """The file that stands for a path; InputError where there is none."""
     file = Path(path)
     try:
         if not file.exists():
-            raise InputError(f"'{file}' does not exist; {VALID}")
+            raise _refused(file, "does not exist")
         if not file.is_dir():
             return file
         held = [file / name for name in IN_FOLDER if (file / name).is_file()] or sorted(file.glob("*.nc"))
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{str(file)!r} cannot be read: {reason}; {VALID}") from None
+        raise _refused(file, f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if not held:
-        raise InputError(f"folder '{file}' holds no results; {VALID}")
+        raise _refused(file, "is a folder that holds no results")
     if held[0].name not in IN_FOLDER and len(held) > 1:
-        names = ", ".join(recording.name for recording in held)
-        raise InputError(f"folder '{file}' holds several recordings, {names}; name one of them")
+        names = [recording.name for recording in held]
+        raise _refused(file, f"is a folder that holds several recordings, {', '.join(names)}", "one of them")
     return held[0]
+
+
+def _refused(file: Path, problem: str, valid: str = VALID, joint: str = "; valid is ") -> InputError:
+    message = f"{str(file)!r} {problem}{joint}{valid}"
+    return InputError(message, field="file", value=str(file), valid=valid)
 
 
 def damaged(file: Path, reason: object) -> InputError:
     """The error for a file that is not as flipdiagram wrote it."""
     if isinstance(reason, KeyError):
         reason = f"it lacks {reason}"
-    text = " ".join(str(reason).split())[:160]
-    valid = "a file that flipdiagram wrote"
-    return InputError(f"'{file}' is damaged: {text}; valid is {valid}", field="file", value=str(file), valid=valid)
+    return _refused(file, f"is damaged: {' '.join(str(reason).split())[:160]}", "a file that flipdiagram wrote")
 
 
 def _read_json(file: Path) -> Source:
@@ -131,20 +132,17 @@ def _read_json(file: Path) -> Source:
         text = file.read_text(encoding="utf-8")
         content = json.loads(text)
     except OSError as error:
-        raise InputError(f"'{file}' cannot be read: {error.strerror}; {VALID}") from None
+        raise _refused(file, f"cannot be read: {error.strerror}") from None
     except (ValueError, RecursionError) as error:  # not UTF-8 is a ValueError too
         raise damaged(file, f"not valid JSON: {error}") from None
     schema = content.get("schema") if isinstance(content, dict) else None
     match = re.fullmatch(r"flipdiagram/(\w+)/(\d{1,9})", schema) if isinstance(schema, str) else None
     known = {study.name: study.schema for study in STUDIES.values()} | {"motion": PLAN_SCHEMA}
     if match is None or match[1] not in known:
-        valid = ", ".join(known.values())
-        raise InputError(f"'{file}' has schema {json.dumps(schema)[:60]}; valid are {valid}", value=schema, valid=valid)
+        raise _refused(file, f"has schema {json.dumps(schema)[:60]}", ", ".join(known.values()), "; valid are ")
     if int(match[2]) != VERSION:
         age = "newer" if int(match[2]) > VERSION else "older"
-        raise InputError(
-            f"'{file}' has schema '{schema}', {age} than this flipdiagram reads; valid is version {VERSION}"
-        )
+        raise _refused(file, f"has schema '{schema}', {age} than this flipdiagram reads", f"version {VERSION}")
     if schema == PLAN_SCHEMA:
         return Source(file, "motion", plan=Plan.from_json(text, f"plan file '{file}'"))
     for part in ("versions", "scenario"):
@@ -168,4 +166,4 @@ def _read_dataset(file: Path) -> Source:
     if {"trial", "architecture"} <= set(data.sizes) and "outcome" in data:
         return Source(file, CAMPAIGN, with_truth_values(data))
     names = ", ".join(str(name) for name in list(data.data_vars)[:6]) or "nothing"
-    raise InputError(f"'{file}' holds {names}: neither a recording nor frequency data nor a campaign; {VALID}")
+    raise _refused(file, f"holds {names}: neither a recording nor frequency data nor a campaign")

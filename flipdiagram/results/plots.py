@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
 from flipdiagram.errors import InputError
-from flipdiagram.figures.motion import dropped_at
+from flipdiagram.figures.motion import dropped_at, finish_path
 from flipdiagram.figures.style import GUIDE, LABELS, MARK, NAMES, STYLES, Style, finish, new_axes
 from flipdiagram.results.signals import Component, components, pretty, scenario_fields
 from flipdiagram.simulation import metrics
@@ -31,9 +33,6 @@ SYMBOLS = {
     "block_pose": "block {0}",
     "sliding_angle": "sliding angle φ",
     "cone_use": "friction cone used",
-    "centre_of_pressure": "centre of pressure",
-    "normal_force": "normal force",
-    "slip": "slip",
     "lift_off": "lift-off",
     "contact_force": "{0}",
 }
@@ -42,9 +41,10 @@ BLOW = 4.0
 MARGINS = (("cone_use", 1.0, "1"), ("centre_of_pressure", 1e3, "mm"), ("normal_force", 1.0, "N"), ("slip", 1e3, "mm"))
 
 
-def style_for(data: xr.Dataset) -> Style:
-    """The style of the recording's architecture; one of its own for an architecture that we do not know."""
-    return STYLES.get(data.attrs["architecture"], OTHER)
+def line_of(data: xr.Dataset) -> dict[str, Any]:
+    """Keywords of Axes.plot: name and style of the architecture, one style for all that we do not know."""
+    name = data.attrs["architecture"]
+    return {"label": NAMES.get(name, name), **STYLES.get(name, OTHER).line()}
 
 
 def events(data: xr.Dataset) -> dict[str, float]:
@@ -75,82 +75,81 @@ def plot_signal(
     data: xr.Dataset, signal: str, ax: Axes | Sequence[Axes] | None, window: tuple[float, float] | None
 ) -> Axes | Sequence[Axes]:
     """See `FlipAccessor.plot`."""
-    parts = components(data, signal)
-    panels, own = panels_for(parts, ax)
     shown = view(data, window)
-    name, style = data.attrs["architecture"], style_for(data)
+
+    def draw(panel: Axes, part: Component) -> None:
+        command = part.signal.removesuffix("_cmd") + "_cmd"
+        if command in data.data_vars:
+            values = replace(part, signal=command).values(shown)
+            panel.plot(shown["time"], values, label="command", **STYLES["command"].line())
+        if part.signal != command:
+            panel.plot(shown["time"], part.values(shown), **line_of(data))
+        _mark_events(panel, data)
+
+    return draw_components(components(data, signal), ax, draw)
+
+
+def draw_components(
+    parts: Sequence[Component], ax: Axes | Sequence[Axes] | None, draw: Callable[[Axes, Component], None]
+) -> Axes | Sequence[Axes]:
+    """A panel a component, which `draw` fills; the Axes, a list where there are several or a list was given."""
+    count = len(parts)
+    columns = 1 if count <= 3 else 3 if count % 3 == 0 else 4 if count > 4 else 2
+    rows = -(-count // columns)
+    size = (3.0 * columns, 0.8 + 2.0 * rows) if count > 3 else (5.6, 3.6 if count == 1 else 0.6 + 1.9 * count)
+    panels = _time_panels(count, ax, size, columns)
     for panel, part in zip(panels, parts, strict=True):
-        if f"{part.signal}_cmd" in data.data_vars:
-            twin = Component("", f"{part.signal}_cmd", part.labels, part.place, part.unit)
-            panel.plot(shown["time"], twin.values(shown), label="command", **STYLES["command"].line())
-            panel.plot(shown["time"], part.values(shown), label=NAMES.get(name, name), **style.line())
-        else:
-            commanded = part.signal.endswith("_cmd")
-            line = (STYLES["command"] if commanded else style).line()
-            label = "command" if commanded else NAMES.get(name, name)
-            panel.plot(shown["time"], part.values(shown), label=label, **line)
         panel.set_ylabel(label_of(part))
-    mark_events(panels, data)
-    finish_panels(panels, own)
-    return panels[0] if len(parts) == 1 and not isinstance(ax, Sequence) else panels
+        draw(panel, part)
+    finish(panels, ax is None)
+    return panels[0] if count == 1 and not isinstance(ax, Sequence) else panels
 
 
 def plot_path(data: xr.Dataset, ax: Axes | None) -> Axes:
     """See `FlipAccessor.path`."""
-    panels, own = ([ax], False) if ax is not None else (new_axes(1, (5.2, 5.4)), True)
-    panel, name, style = panels[0], data.attrs["architecture"], style_for(data)
-    moving = data.sel(time=slice(0.0, data.attrs["end_time_s"]))
+    panel = ax if ax is not None else new_axes(1, (5.2, 5.4))[0]
+    moving, line = data.sel(time=slice(0.0, data.attrs["end_time_s"])), line_of(data)
     if not moving.sizes["time"]:
-        raise InputError(f"the recording has no sample between 0 and {data.attrs['end_time_s']} s, the motion")
+        valid = f"samples between 0 and {data.attrs['end_time_s']} s, the motion"
+        raise InputError(f"the recording lacks {valid}", field="recording", value=data.sizes["time"], valid=valid)
     command, response = moving["x_cmd"].values, moving["x"].values
     panel.plot(command[:, 0], command[:, 1], label="command", **STYLES["command"].line())
-    panel.plot(response[:, 0], response[:, 1], label=NAMES.get(name, name), **style.line())
-    happened, y_z = events(data), data["block_pose"].values[:, 5:]
-    loss = next(iter(happened)) if happened else ""
-    if "touch-down" in happened and loss in ("release", "block lost"):
-        time = data["time"].values
-        fall = y_z[(time >= happened[loss]) & (time <= happened["touch-down"])]
+    panel.plot(response[:, 0], response[:, 1], **line)
+    happened = events(data)
+    loss = next(iter(happened.keys() & {"release", "block lost"}), None)
+    if loss and "touch-down" in happened:
+        fall = data["block_pose"].sel(time=slice(happened[loss], happened["touch-down"])).values[:, 5:]
         panel.plot(fall[:, 0], fall[:, 1], color=FLIGHT, linestyle="--", label="block in flight")
         panel.plot(*fall[-1], "v", **MARK, markerfacecolor=FLIGHT, label="touch-down")
     panel.plot(command[0, 0], command[0, 1], "s", **MARK, markersize=5, label="start")
-    if loss in ("release", "block lost"):
+    if loss:
         at = data["x"].sel(time=happened[loss], method="nearest").values
-        shape, face = ("o", "white") if loss == "release" else ("X", style.color)
+        shape, face = ("o", "white") if loss == "release" else ("X", line["color"])
         panel.plot(at[0], at[1], shape, **MARK, markersize=8, markerfacecolor=face, label=loss)
-    panel.set(xlabel=LABELS["x"][0], ylabel=LABELS["x"][1])
-    panel.set_aspect("equal", adjustable="datalim")
-    panel.margins(0.08)
-    finish_panels(panels, own, time_axis=False)
+    finish_path(panel, ax is None)
     return panel
 
 
 def plot_margins(data: xr.Dataset, axes: Sequence[Axes] | None) -> Sequence[Axes]:
     """See `FlipAccessor.margins`."""
-    missing = [name for name, _, _ in MARGINS if name not in data]
-    if missing:
-        raise InputError(f"the recording lacks {', '.join(missing)}; valid is a recording of this version")
-    panels, own = (
-        (list(np.ravel(np.array(axes, dtype=object))), False)
-        if axes is not None
-        else (new_axes(4, (8.0, 5.0), columns=2), True)
-    )
-    check_count(panels, len(MARGINS))
-    happened = events(data)
+    if missing := [name for name, _, _ in MARGINS if name not in data]:
+        valid = "a recording of this version"
+        message = f"the recording lacks {', '.join(missing)}; valid is {valid}"
+        raise InputError(message, field="recording", value=missing, valid=valid)
+    panels = _time_panels(len(MARGINS), axes, (8.0, 5.0), columns=2)
+    happened, line, release = events(data), line_of(data), float(data.attrs["release_time_s"])
     lost = happened.get("release", happened.get("block lost", float(data.attrs["end_time_s"])))
-    until = max(lost, float(data.attrs["release_time_s"]))
-    shown = data.sel(time=slice(0.0, until))
-    name = data.attrs["architecture"]
+    shown = data.sel(time=slice(0.0, max(lost, release)))
     for panel, (signal, factor, unit) in zip(panels, MARGINS, strict=True):
         planned = np.full(shown.sizes["time"], np.nan)
         if f"{signal}_cmd" in data:
             # at the release itself the command brakes already
-            carried = shown["time"] < float(data.attrs["release_time_s"])
-            planned = factor * shown[f"{signal}_cmd"].where(carried).values
+            planned = factor * shown[f"{signal}_cmd"].where(shown["time"] < release).values
             panel.plot(shown["time"], planned, label="planned", **STYLES["command"].line())
         # what comes after the release is another contact, not a margin
         realised = factor * shown[signal].where(shown["time"] <= lost).values
-        panel.plot(shown["time"], realised, label=f"realised, {NAMES.get(name, name)}", **style_for(data).line())
-        panel.set_ylabel(f"{SYMBOLS[signal]} [{unit}]")
+        panel.plot(shown["time"], realised, **line | {"label": f"realised, {line['label']}"})
+        panel.set_ylabel(f"{SYMBOLS.get(signal, signal.replace('_', ' '))} [{unit}]")
         if signal == "normal_force":
             _leave_out_blows(panel, planned, realised)
     panels[0].axhline(1.0, **GUIDE, label="limit")
@@ -159,7 +158,7 @@ def plot_margins(data: xr.Dataset, axes: Sequence[Axes] | None) -> Sequence[Axes
     if isinstance(length, float):
         for edge in (-500.0 * length, 500.0 * length):
             panels[1].axhline(edge, **GUIDE)
-    finish_panels(panels, own)
+    finish(panels, axes is None)
     return panels
 
 
@@ -181,58 +180,33 @@ def view(data: xr.Dataset, window: tuple[float, float] | None) -> xr.Dataset:
     shown = data.sel(time=slice(*window))
     if not shown.sizes["time"]:
         first, last = data["time"].values[[0, -1]]
-        raise InputError(f"window = {window} holds no sample; valid is a part of {first:g} to {last:g} s")
+        valid = f"a part of {first:g} to {last:g} s"
+        message = f"window = {window} holds no sample; valid is {valid}"
+        raise InputError(message, field="window", value=window, valid=valid)
     return shown
 
 
-def panels_for(parts: Sequence[Component], ax: Axes | Sequence[Axes] | None) -> tuple[list[Axes], bool]:
-    """The axes to draw into, one a component, and whether they are of a new Figure."""
-    if ax is not None:
+def _time_panels(count: int, ax: Axes | Sequence[Axes] | None, size: tuple[float, float], columns: int) -> list[Axes]:
+    """The axes to draw into, given or of a new Figure; time [s] stands below all of them, or the lowest."""
+    if ax is None:
+        every = new_axes(-(-count // columns) * columns, size, columns)
+        for spare in every[count:]:
+            spare.remove()
+        panels = every[:count]
+        for panel in panels[-columns:]:
+            panel.tick_params(labelbottom=True)
+    else:
         panels = list(np.ravel(np.array(ax, dtype=object)))
-        check_count(panels, len(parts))
-        return panels, False
-    count = len(parts)
-    if count <= 3:
-        return new_axes(count, (5.6, 3.6 if count == 1 else 0.6 + 1.9 * count)), True
-    columns = 3 if count % 3 == 0 else 4 if count > 4 else 2
-    rows = -(-count // columns)
-    panels = new_axes(rows * columns, (3.0 * columns, 0.8 + 2.0 * rows), columns=columns)
-    for spare in panels[count:]:
-        spare.remove()
-    for panel in panels[count - columns : count]:
-        panel.tick_params(labelbottom=True)
-    return panels[:count], True
-
-
-def check_count(panels: Sequence[Axes], count: int) -> None:
-    """InputError unless there is one of the axes for each of the panels."""
     if len(panels) != count:
-        raise InputError(f"{len(panels)} axes given; valid are {count}, one a panel")
+        message = f"{len(panels)} axes given; valid are {count}, one a panel"
+        raise InputError(message, field="ax", value=len(panels), valid=count)
+    for panel in panels[-columns:] if ax is None else panels:
+        panel.set_xlabel("time [s]")
+    return panels
 
 
-def mark_events(panels: Sequence[Axes], data: xr.Dataset) -> None:
+def _mark_events(panel: Axes, data: xr.Dataset) -> None:
     """Release and touch-down as they happened, and the planned release, as vertical lines."""
-    marks = {"planned release": float(data.attrs["release_time_s"]), **events(data)}
-    for panel in panels:
-        for name, time in marks.items():
-            style = GUIDE if name == "planned release" else {**GUIDE, "linestyle": "-"}
-            if name == "touch-down":
-                style = {**GUIDE, "linestyle": "--"}
-            panel.axvline(time, **style, label=name)
-
-
-def finish_panels(panels: Sequence[Axes], own: bool, time_axis: bool = True) -> None:
-    """Labels of time, grid, and a legend: above the panels of a Figure of our own, else inside the first."""
-    for panel in panels if time_axis else ():
-        if not own or panel in _lowest(panels):
-            panel.set_xlabel("time [s]")
-    finish(panels, own)
-
-
-def _lowest(panels: Sequence[Axes]) -> list[Axes]:
-    """The lowest panel of each column of a Figure."""
-    columns: dict[int, Axes] = {}
-    for panel in panels:  # row by row: a lower one replaces a higher one
-        place = panel.get_subplotspec()
-        columns[place.colspan.start if place else 0] = panel
-    return list(columns.values())
+    styles = {"planned release": ":", "touch-down": "--"}
+    for name, time in {"planned release": float(data.attrs["release_time_s"]), **events(data)}.items():
+        panel.axvline(time, **GUIDE | {"linestyle": styles.get(name, "-")}, label=name)

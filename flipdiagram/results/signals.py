@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -20,20 +19,8 @@ from flipdiagram.scenario.yaml_reader import read_mapping
 NEEDED = ("x", "x_cmd", "v", "v_cmd", "a", "a_cmd", "q", "qd", "tau", "block_pose", "tool_pose", "contact_force")
 """What every recording holds; see `flipdiagram.simulation.recording`."""
 ATTRIBUTES = ("architecture", "release_time_s", "end_time_s")
-UNITS = {
-    "_m_s2": "m/s2",
-    "_rad_s2": "rad/s2",
-    "_m_s": "m/s",
-    "_rad_s": "rad/s",
-    "_Nm": "N m",
-    "_rad": "rad",
-    "_m": "m",
-    "_s": "s",
-    "_J": "J",
-    "_N": "N",
-    "_kg": "kg",
-}
-"""Unit by the end of a name in summary.json, longest first."""
+UNITS = ("m/s2", "rad/s2", "m/s", "rad/s", "N m", "rad", "m", "s", "J", "N", "kg")
+"""Units that end a name in summary.json, such as `_rad_s2`; longest first."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +47,9 @@ def check_recording(data: xr.Dataset) -> xr.Dataset:
     if data.sizes.get("time", 0) < 2:
         missing.append("two samples on 'time'")
     if missing:
-        what = ", ".join(missing[:3]) + (", …" if len(missing) > 3 else "")
-        raise InputError(f"this Dataset is no recording: it lacks {what}; valid is what `flipdiagram flip` records")
+        what, valid = ", ".join(missing[:3]) + (", …" if len(missing) > 3 else ""), "what `flipdiagram flip` records"
+        message = f"this Dataset is no recording: it lacks {what}; valid is {valid}"
+        raise InputError(message, field="recording", value=missing, valid=valid)
     return data
 
 
@@ -82,13 +70,14 @@ def components(data: xr.Dataset, signal: str | None = None) -> list[Component]:
         meant = f"did you mean '{near[0]}'? " if near else ""
         parts = [part.name for part in everything if part.signal != part.name]
         example = f", or one component such as '{parts[0]}'" if parts else ""
-        raise InputError(f"unknown signal '{signal}'; {meant}valid are {', '.join(names)}{example}")
+        message = f"unknown signal '{signal}'; {meant}valid are {', '.join(names)}{example}"
+        raise InputError(message, field="signal", value=signal, valid=names)
     return named
 
 
 def unit_of(name: str) -> str:
     """Unit of an entry of summary.json by the end of its name ('position_rmse_m'); '1' where it says none."""
-    return next((unit for ending, unit in UNITS.items() if name.endswith(ending)), "1")
+    return next((unit for unit in UNITS if name.endswith("_" + unit.replace(" ", "").replace("/", "_"))), "1")
 
 
 def pretty(unit: str) -> str:
@@ -126,11 +115,11 @@ def _split(data: xr.Dataset, signal: str) -> list[Component]:
         for dim in others
     ]
     units = str(variable.attrs.get("units", "1"))
-    parts = units.split(", ")
-    each = others and len(parts) == data.sizes[others[-1]]
+    each = units.split(", ")
+    one_for_all = not others or len(each) != data.sizes[others[-1]]
     components = []
-    for place in itertools.product(*(range(data.sizes[dim]) for dim in others)):
-        names = tuple(labels[k][index] for k, index in enumerate(place))
-        unit = parts[place[-1]] if each else units
+    for place in np.ndindex(*(data.sizes[dim] for dim in others)):
+        names = tuple(of_dim[index] for of_dim, index in zip(labels, place, strict=True))
+        unit = units if one_for_all else each[place[-1]]
         components.append(Component("_".join([signal, *names]), signal, names, place, unit))
     return components

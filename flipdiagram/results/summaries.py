@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,8 @@ def plan(summary: Summary, folder: Path) -> Plan:
 
 def turnover(summary: Summary, folder: Path) -> xr.Dataset:
     """The runs over (architecture, joint); the plan's numbers as attributes `plan_…`."""
-    data = _runs(summary, {"architecture": "architecture"}, _recordings(summary, folder))
+    files = (folder / str(run.get("recording")) for run in summary["runs"])
+    data = _runs(summary, {"architecture": "architecture"}, files)
     numbers = {f"plan_{name}": v for name, v in summary["plan"].items() if isinstance(v, int | float | str)}
     return data.assign_attrs(numbers)
 
@@ -155,22 +156,16 @@ def _head(summary: Summary) -> dict[str, Any]:
 
 
 def _runs(summary: Summary, dims: Mapping[str, str], files: Iterable[Path] = ()) -> xr.Dataset:
-    """The runs over their coordinates, which stand in the entries that `dims` names."""
-    cells = {tuple(run[entry] for entry in dims.values()): _numbers(run, dims.values()) for run in summary["runs"]}
+    """The runs over their coordinates, which stand in the entries that `dims` names; each touch-down spread out."""
+    cells = {}
+    for run in summary["runs"]:
+        kept = {name: value for name, value in run.items() if name not in (*OMITTED, *dims.values())}
+        if "touchdown_time_s" not in run:
+            landed = run.get("touchdown") or {}
+            kept |= {f"touchdown_{name}": landed.get(name) for name in ("time_s", "y_m", "z_m", "theta_rad")}
+        cells[tuple(run[entry] for entry in dims.values())] = kept
     coords = {name: list(dict.fromkeys(run[entry] for run in summary["runs"])) for name, entry in dims.items()}
     return _table(cells, coords, files).assign_attrs(_head(summary))
-
-
-def _numbers(run: Mapping[str, Any], coords: Collection[str]) -> dict[str, Any]:
-    """One run with plain entries: its touch-down spread out, what is a coordinate left out."""
-    landed = run.get("touchdown") or {}
-    spread = {f"touchdown_{name}": landed.get(name) for name in ("time_s", "y_m", "z_m", "theta_rad")}
-    kept = {name: value for name, value in run.items() if name not in (*OMITTED, *coords)}
-    return kept | ({} if "touchdown_time_s" in run else spread)
-
-
-def _recordings(summary: Summary, folder: Path) -> Iterable[Path]:
-    return (folder / str(run.get("recording")) for run in summary["runs"])
 
 
 def _table(
@@ -189,8 +184,7 @@ def _table(
         units = {"units": unit_of(name)}
         if values and isinstance(values[0], list):
             width = len(values[0])
-            spread: np.ndarray = np.full((*shape, width), np.nan)
-            variables[name] = ((*dims, "joint"), spread, units)
+            variables[name] = ((*dims, "joint"), np.full((*shape, width), np.nan), units)
         elif values and all(isinstance(value, bool) for value in values):
             variables[name] = (dims, np.zeros(shape, dtype=bool), {})
         elif name == "failure" or (values and all(isinstance(value, str) for value in values)):
@@ -251,16 +245,13 @@ def _curves(curves: Sequence[Mapping[str, Any]]) -> xr.Dataset:
         for key in keys
     }
     cutoffs = [np.nan if curve["g_dis_rad_s"] is None else curve["g_dis_rad_s"] for curve in curves]
-    data = xr.Dataset(
-        variables,
-        coords={
-            "omega": omega,
-            "architecture": ("curve", [curve["architecture"] for curve in curves]),
-            "g_dis": ("curve", cutoffs),
-            "friction": ("curve", [bool(curve["friction"]) for curve in curves]),
-        },
-    )
-    return _in_rad_s(data)
+    coords = {
+        "omega": omega,
+        "architecture": ("curve", [curve["architecture"] for curve in curves]),
+        "g_dis": ("curve", cutoffs),
+        "friction": ("curve", [bool(curve["friction"]) for curve in curves]),
+    }
+    return _in_rad_s(xr.Dataset(variables, coords=coords))
 
 
 def _in_rad_s(data: xr.Dataset) -> xr.Dataset:

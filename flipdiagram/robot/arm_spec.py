@@ -67,16 +67,15 @@ class ArmSpec:
     reflected_inertia_scales: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
-        above = {name: getattr(self, name) for name in ("link_inertia_scale", "speed_scale", "torque_scale")}
+        may_be_zero = ("tool_height", "reflected_inertia_scale")
+        numbers = {name: getattr(self, name) for name in ("link_inertia_scale", "speed_scale", "torque_scale")}
         for name in ("link_inertia_scales", "reflected_inertia_scales"):
-            above |= {f"{name}[{k}]": scale for k, scale in enumerate(getattr(self, name) or ())}
-        for name, value in above.items():
-            if not (math.isfinite(value) and value > 0):
-                raise _bad_number(name, value, "a number above 0")
-        for name in ("tool_height", "reflected_inertia_scale"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
-                raise _bad_number(name, value, "a number of at least 0")
+            numbers |= {f"{name}[{k}]": scale for k, scale in enumerate(getattr(self, name) or ())}
+        for name, value in (numbers | {name: getattr(self, name) for name in may_be_zero}).items():
+            if not math.isfinite(value) or value < 0 or (value == 0 and name not in may_be_zero):
+                valid = "a number of at least 0" if name in may_be_zero else "a number above 0"
+                message = f"{name} = {value} is not valid; valid is {valid}"
+                raise InputError(message, field=name, value=value, valid=valid)
 
     def per_joint(self, name: str, joints: Sequence[str]) -> Sequence[float]:
         """The factors of a field for joints of these names, 1 each for None; InputError unless there is one each."""
@@ -88,7 +87,3 @@ class ArmSpec:
             message = f"{name} = {list(scales)} has {len(scales)} entries; valid is {valid}"
             raise InputError(message, field=name, value=scales, valid=valid)
         return tuple(scales)
-
-
-def _bad_number(name: str, value: float, valid: str) -> InputError:
-    return InputError(f"{name} = {value} is not valid; valid is {valid}", field=name, value=value, valid=valid)

@@ -7,15 +7,7 @@ import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import (
-    FixedOffsetFrame,
-    Frame,
-    Joint,
-    JointActuator,
-    ModelInstanceIndex,
-    RigidBody,
-    WeldJoint,
-)
+from pydrake.multibody.tree import FixedOffsetFrame, Frame, Joint, ModelInstanceIndex, RigidBody, WeldJoint
 
 from flipdiagram.errors import InputError
 from flipdiagram.robot.arm_spec import ArmFile, ArmSpec
@@ -98,8 +90,7 @@ def _add_own(plant: MultibodyPlant, spec: ArmSpec, own: ArmFile) -> tuple[ModelI
             instance = Parser(plant).AddModels(own.path)[0]
         except (RuntimeError, IndexError) as error:
             raise own.error(f"cannot be read: {error}") from None
-        _fix_off_the_chain(plant, instance, own)
-        _free_from_the_ground(plant, instance, own)
+        _keep_the_chain(plant, instance, own)
         numbers = JointNumbers({}, {}, None)
     joints = _moving(plant, instance)
     names = [joint.name() for joint in joints]
@@ -129,10 +120,8 @@ def _actuate(
     [N m] by joint name.
     """
     names = [joint.name() for joint in joints]
-    of_file: dict[str, JointActuator] = {}
-    for index in list(plant.GetJointActuatorIndices()):
-        actuator = plant.get_joint_actuator(index)
-        of_file[actuator.joint().name()] = actuator
+    actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
+    of_file = {actuator.joint().name(): actuator for actuator in actuators}
     limits, gears = {}, {}
     for k, (name, scale) in enumerate(zip(names, spec.per_joint("reflected_inertia_scales", names), strict=True)):
         peak, ratio, rotor = peak_in_text.get(name, 0.0), 1.0, 0.0
@@ -145,7 +134,7 @@ def _actuate(
             raise own.error(f"lacks a limit: joint '{name}' has no torque limit; valid is {valid}", valid)
         limits[name] = float(limit)
         gears[name] = (1.0, own.reflected_inertia[k]) if own.reflected_inertia else (ratio, rotor)
-    for actuator in of_file.values():
+    for actuator in actuators:
         plant.RemoveJointActuator(actuator)
     for joint, name in zip(joints, names, strict=True):
         actuator = plant.AddJointActuator(name, joint, limits[name])
@@ -158,17 +147,8 @@ def _actuate(
     return limits
 
 
-def _free_from_the_ground(plant: MultibodyPlant, instance: ModelInstanceIndex, own: ArmFile) -> None:
-    """Remove what the file itself fixes the base to the world with: where it stands is the scenario's."""
-    base = plant.GetFrameByName(own.base, instance).body().index()
-    for index in plant.GetJointIndices(instance):
-        joint = plant.get_joint(index)
-        if joint.child_body().index() == base and joint.num_velocities() == 0:
-            plant.RemoveJoint(joint)
-
-
-def _fix_off_the_chain(plant: MultibodyPlant, instance: ModelInstanceIndex, own: ArmFile) -> None:
-    """Weld the moving joints that do not lie between base and flange, as `prepare_urdf` does for a URDF."""
+def _keep_the_chain(plant: MultibodyPlant, instance: ModelInstanceIndex, own: ArmFile) -> None:
+    """Leave the joints between base and flange: weld others that move, and remove what carries the base itself."""
     for name in (own.base, own.flange):
         if not plant.HasFrameNamed(name, instance):
             raise own.error(f"has no link or frame '{name}'; valid is an arm with both")
@@ -180,11 +160,12 @@ def _fix_off_the_chain(plant: MultibodyPlant, instance: ModelInstanceIndex, own:
             raise own.error(f"is no chain: '{own.flange}' is not carried by '{own.base}'")
         chain.add(by_child[here].name())
         here = by_child[here].parent_body().index()
-    actuators = [plant.get_joint_actuator(i) for i in plant.GetJointActuatorIndices()]
+    for actuator in [plant.get_joint_actuator(i) for i in plant.GetJointActuatorIndices()]:
+        if actuator.joint().name() not in chain:
+            plant.RemoveJointActuator(actuator)
+    if base in by_child:  # such as a joint that fixes the base to the world: its place is the scenario's
+        plant.RemoveJoint(by_child[base])
     for joint in [joint for joint in _moving(plant, instance) if joint.name() not in chain]:
-        for actuator in actuators:
-            if actuator.joint().index() == joint.index():
-                plant.RemoveJointActuator(actuator)
         weld = WeldJoint(f"{joint.name()}_fixed", joint.frame_on_parent(), joint.frame_on_child(), RigidTransform())
         plant.RemoveJoint(joint)
         plant.AddJoint(weld)

@@ -4,14 +4,19 @@ Numerical rather than closed-form, so that it serves any arm a user brings; a re
 step.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flipdiagram.arrays import Array
 from flipdiagram.errors import PlanningError
 from flipdiagram.robot import task_space
+
+if TYPE_CHECKING:
+    from flipdiagram.robot.arm import ArmModel
 
 ITERATIONS = 80
 STEP_MAX = 0.3  # [rad] largest Newton step: keeps the search on the branch of the seed
@@ -21,19 +26,7 @@ COMFORT = 0.4  # [rad] distance to a joint limit from which there is room enough
 DAMPING_START, DAMPING_MIN, DAMPING_MAX = 1e-9, 1e-12, 1e3  # of J J^T; a regular pose has entries of 0.1 to 1
 
 
-class Kinematics(Protocol):
-    """What the searches need of an arm."""
-
-    joint_names: tuple[str, ...]
-    q_min: Array
-    q_max: Array
-
-    def task_jacobian(self, q: Array, /) -> tuple[Array, Array]:
-        """x (6,) and J (6, n) at q (n,)."""
-        ...
-
-
-def pose(arm: Kinematics, target: Array, seeds: Sequence[Array], tol: float) -> Array:
+def pose(arm: ArmModel, target: Array, seeds: Sequence[Array], tol: float) -> Array:
     """The first joint angles (n,) [rad] within the limits, at the task pose target (6,) within tol.
 
     Raises PlanningError naming the pose, and joint and limit if there are solutions, but none within the limits.
@@ -51,7 +44,7 @@ def pose(arm: Kinematics, target: Array, seeds: Sequence[Array], tol: float) -> 
     raise PlanningError(f"the arm cannot reach the pose {task_space.describe(target)}: {reason}")
 
 
-def search(arm: Kinematics, target: Array, tol: float, through: Sequence[Array] = ()) -> Array:
+def search(arm: ArmModel, target: Array, tol: float, through: Sequence[Array] = ()) -> Array:
     """The best-conditioned joint angles (n,) [rad] at the task pose target (6,), from seeds spread over joint space.
 
     through: further poses (6,) that must be reachable from there, one after the other, within the limits.  Best: the
@@ -76,7 +69,7 @@ def search(arm: Kinematics, target: Array, tol: float, through: Sequence[Array] 
     return best
 
 
-def _conditioned(arm: Kinematics, q: Array, through: Sequence[Array], tol: float) -> float:
+def _conditioned(arm: ArmModel, q: Array, through: Sequence[Array], tol: float) -> float:
     """The smallest singular value of J at q and on the way through the poses, less where a joint is near its limit.
 
     0 where the way is lost or leaves the limits.
@@ -92,7 +85,7 @@ def _conditioned(arm: Kinematics, q: Array, through: Sequence[Array], tol: float
     return smallest
 
 
-def path(arm: Kinematics, targets: Array, first: Array, tol: float, *, check_limits: bool) -> Array:
+def path(arm: ArmModel, targets: Array, first: Array, tol: float, *, check_limits: bool) -> Array:
     """Joint angles (N, n) [rad] along targets (N, 6), beginning with first (n,), on one branch.
 
     Raises PlanningError naming the sample.
@@ -116,24 +109,21 @@ def path(arm: Kinematics, targets: Array, first: Array, tol: float, *, check_lim
     return qs
 
 
-def newton(arm: Kinematics, target: Array, q: Array, tol: float) -> Array | None:
+def newton(arm: ArmModel, target: Array, q: Array, tol: float) -> Array | None:
     """Levenberg-Marquardt from q: step = J^T (J J^T + damping I)^-1 error; None if it does not converge."""
     damping = DAMPING_START
-    error = J = residual = None
-    trial = q
+    error = J = None
+    residual, trial = np.inf, q
     for _ in range(ITERATIONS):
-        accepted = False
         try:
             x, J_trial = arm.task_jacobian(trial)
-        except PlanningError:  # pitch +-90 deg on the way: too long a step
-            pass
-        else:
             error_trial = task_space.difference(target, x)
             residual_trial = np.abs(error_trial).max()
-            if residual_trial < tol:
-                return trial
-            accepted = residual is None or residual_trial < residual
-        if accepted:
+        except PlanningError:  # pitch +-90 deg on the way: too long a step
+            residual_trial = np.inf
+        if residual_trial < tol:
+            return trial
+        if residual_trial < residual:
             q, error, J, residual = trial, error_trial, J_trial, residual_trial
             damping = max(damping / 10, DAMPING_MIN)
         elif error is None or J is None or damping > DAMPING_MAX:
@@ -148,7 +138,7 @@ def newton(arm: Kinematics, target: Array, q: Array, tol: float) -> Array | None
     return None
 
 
-def along_line(arm: Kinematics, target: Array, q: Array, tol: float) -> Array | None:
+def along_line(arm: ArmModel, target: Array, q: Array, tol: float) -> Array | None:
     """Newton along the straight line in task space from the pose of q; None where the line is lost."""
     start, _ = arm.task_jacobian(q)
     way = task_space.difference(target, start)
@@ -160,18 +150,18 @@ def along_line(arm: Kinematics, target: Array, q: Array, tol: float) -> Array | 
     return q
 
 
-def _turned_inside(arm: Kinematics, q: Array) -> Array:
+def _turned_inside(arm: ArmModel, q: Array) -> Array:
     """q with each joint outside its limits turned by +-2 pi where that brings it inside."""
     for turn in (2 * np.pi, -2 * np.pi):
         q = np.where(~_inside(arm, q) & _inside(arm, q + turn), q + turn, q)
     return q
 
 
-def _inside(arm: Kinematics, q: Array) -> Array:
+def _inside(arm: ArmModel, q: Array) -> Array:
     return (q >= arm.q_min) & (q <= arm.q_max)
 
 
-def _limit_message(arm: Kinematics, q: Array) -> str:
+def _limit_message(arm: ArmModel, q: Array) -> str:
     i = int(np.argmin(_inside(arm, q)))
     low, high, angle = np.degrees([arm.q_min[i], arm.q_max[i], q[i]])
     return f"joint {arm.joint_names[i]} would be at {angle:.1f} deg; valid is {low:.1f} to {high:.1f} deg"

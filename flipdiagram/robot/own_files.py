@@ -49,8 +49,8 @@ def prepare_urdf(root: ElementTree.Element, own: ArmFile) -> None:
     if root_link in by_child:  # such as a joint that fixes the base to the world: its place is the scenario's
         root.remove(by_child[root_link])
         joints.remove(by_child[root_link])
-    for link in [link for name, link in links.items() if name == "world"]:
-        root.remove(link)
+    if "world" in links:
+        root.remove(links["world"])
     moving = tuple(joint.attrib["name"] for joint in chain if joint.attrib["type"] != "fixed")
     for joint in joints:
         _fix_unless(joint, moving)
@@ -96,23 +96,16 @@ def _show_simply(link: ElementTree.Element, joints: list[ElementTree.Element], f
     for collision in link.findall("collision"):
         link.remove(collision)
     for visual in link.findall("visual"):
-        mesh = visual.find("geometry/mesh")
-        if mesh is None:
+        if (mesh := visual.find("geometry/mesh")) is None:
             continue
-        file = _mesh_file(mesh.attrib["filename"], folder)
-        if file is None:
-            link.remove(visual)
-        else:
+        if file := _mesh_file(mesh.attrib["filename"], folder):
             mesh.set("filename", str(file))
-    if link.find("visual") is not None:
-        return
-    for joint in joints:
+        else:
+            link.remove(visual)
+    for joint in joints if link.find("visual") is None else ():
         origin = joint.find("origin")
         place = "0 0 0" if origin is None else origin.attrib.get("xyz", "0 0 0")
-        end = np.array([float(value) for value in place.split()])
-        length = float(np.linalg.norm(end))
-        if length > STAND_IN_RADIUS:
-            _add_cylinder(link, joint.attrib["name"], end, length)
+        _add_cylinder(link, joint.attrib["name"], np.array([float(value) for value in place.split()]))
 
 
 def _mesh_file(name: str, folder: Path) -> Path | None:
@@ -127,7 +120,11 @@ def _mesh_file(name: str, folder: Path) -> Path | None:
     return next((place.resolve() for place in places if place.is_file()), None)
 
 
-def _add_cylinder(link: ElementTree.Element, name: str, end: np.ndarray, length: float) -> None:
+def _add_cylinder(link: ElementTree.Element, name: str, end: np.ndarray) -> None:
+    """A cylinder from the link's origin to `end` (3,) [m], unless it were shorter than thick."""
+    length = float(np.linalg.norm(end))
+    if length <= STAND_IN_RADIUS:
+        return
     x, y, z = end / length
     visual = ElementTree.SubElement(link, "visual", name=f"to_{name}")
     roll_pitch = f"0 {float(np.arctan2(np.hypot(x, y), z))!r} {float(np.arctan2(y, x))!r}"

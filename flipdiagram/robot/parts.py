@@ -45,7 +45,7 @@ def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
     arm = add_arm(plant, _arm_spec(scenario))
     if scenario.disturbance.payload > 0:
         _add_payload(plant, arm, scenario.disturbance.payload)
-    block = _add_own_object(plant, scenario) if scenario.object.file else _add_block(plant, scenario)
+    block = _add_own_object(plant, scenario) if scenario.object.file else _only_body(plant, _block(scenario))
     table = _only_body(plant, table_sdf(scenario.table.friction))
     height = scenario.table.height + scenario.disturbance.table_error
     X_WT = RigidTransform([scenario.task.start_x, scenario.task.target_y, height])
@@ -59,16 +59,15 @@ def _only_body(plant: MultibodyPlant, sdf: str) -> RigidBody:
     return plant.get_body(plant.GetBodyIndices(model)[0])
 
 
-def _add_block(plant: MultibodyPlant, scenario: Scenario) -> RigidBody:
+def _block(scenario: Scenario) -> str:
     block, physics = scenario.object, scenario.simulation
-    sdf = block_sdf(
+    return block_sdf(
         size=block.size,
         mass=block.mass * scenario.disturbance.object_mass_scale,
         friction=block.friction,
         modulus=physics.hydroelastic_modulus,
         dissipation=physics.dissipation,
     )
-    return _only_body(plant, sdf)
 
 
 def _add_own_object(plant: MultibodyPlant, scenario: Scenario) -> RigidBody:

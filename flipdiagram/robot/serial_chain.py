@@ -50,11 +50,8 @@ def serial_chain(arm: ArmModel) -> SerialChain | None:
     frames = [joint.frame_on_parent().CalcPoseInWorld(context) for joint in joints]
     links = [bodies - rest for bodies, rest in zip(carried, [*carried[1:], set()], strict=True)]
     lumps = [_lump(plant, context, link) for link in links]
-    rotor = np.zeros(len(joints))
-    for i, joint in enumerate(joints):
-        for index in plant.GetJointActuatorIndices():
-            if plant.get_joint_actuator(index).joint().index() == joint.index():
-                rotor[i] += plant.get_joint_actuator(index).default_reflected_inertia()
+    actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
+    rotor = {actuator.joint().name(): actuator.default_reflected_inertia() for actuator in actuators}
     X_WC = plant.get_frame(handles.control_point.index()).CalcPoseInWorld(context)
     return SerialChain(
         axes=_rows(X.rotation().matrix() @ joint.revolute_axis() for X, joint in zip(frames, joints, strict=True)),
@@ -62,7 +59,7 @@ def serial_chain(arm: ArmModel) -> SerialChain | None:
         mass=np.array([mass for mass, _, _ in lumps]),
         centres=_rows(centre for _, centre, _ in lumps),
         inertias=_rows(inertia for _, _, inertia in lumps),
-        rotor=rotor,
+        rotor=np.array([rotor.get(name, 0.0) for name in arm.joint_names]),
         damping=np.array([float(joint.default_damping()) for joint in joints]),
         tip=np.array(X_WC.translation(), dtype=float),
         tip_turn=np.ascontiguousarray(X_WC.rotation().matrix(), dtype=float),

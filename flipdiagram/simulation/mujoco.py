@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import importlib
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,8 @@ BLADE_MASS = 1e4
 """Mass [kg] and moment of inertia about every axis [kg m2] of the blade: 10⁵ blocks, so that the block cannot push it;
 the same about every axis, so that it has no gyroscopic torque."""
 
-
+COMPARED = ("success", "failure", "touchdown", "release_time_s", "max_slip_m", "max_lift_off_m")
+"""Metrics that depend on the block, which is all that differs between the engines."""
 CONES = ("elliptic", "pyramidal")
 RANGES = {"timestep": (1e-6, 1e-2), "impratio": (1e-3, 1e3), "impedance": (0.01, 0.9999), "settle": (0.0, 100.0)}
 
@@ -153,23 +154,10 @@ def compare(recording: Recording, settings: Settings | None = None) -> dict[str,
     Raises the errors of `replay_in_mujoco`.
     """
     settings = settings or Settings()
-    drake, mujoco = _verdict(recording), _verdict(replay_in_mujoco(recording, settings))
+    measured = [metrics.measure(data).as_dict() for data in (recording, replay_in_mujoco(recording, settings))]
+    drake, mujoco = ({name: numbers[name] for name in COMPARED} for numbers in measured)
     agree = drake["success"] == mujoco["success"]
     return {"agree": agree, "settings": settings.settings_text(), "drake": drake, "mujoco": mujoco}
-
-
-def _verdict(recording: Recording) -> dict[str, Any]:
-    success, failure = metrics.judge(recording)
-    landed = metrics.touchdown(recording)
-    slip, lift = metrics.slip_and_lift(recording)
-    return {
-        "success": success,
-        "failure": failure,
-        "touchdown": None if landed is None else asdict(landed),
-        "release_time_s": float(recording["time"].values[metrics.release_index(recording)]),
-        "max_slip_m": slip,
-        "max_lift_off_m": lift,
-    }
 
 
 def mjcf(scenario: Scenario, settings: Settings, step: float, origin: Floats) -> str:
@@ -221,5 +209,7 @@ def _scenario_of(recording: Recording) -> Scenario:
     bad = [name for name in signals if name not in recording or not np.isfinite(recording[name].values).all()]
     bad += ["scenario"] * ("scenario" not in recording.attrs)
     if bad:
-        raise InputError(f"the recording lacks finite {', '.join(bad)}; valid is one that `simulate` returns")
+        valid = "one that `simulate` returns"
+        message = f"the recording lacks finite {', '.join(bad)}; valid is {valid}"
+        raise InputError(message, field="recording", value=bad, valid=valid)
     return from_yaml(recording.attrs["scenario"], "scenario of the recording")

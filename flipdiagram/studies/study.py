@@ -36,10 +36,6 @@ class Option:
         self.names, self.to, self.settings = names, to, settings
         self.dest: str = settings.get("dest", names[0].lstrip("-").replace("-", "_"))
 
-    def add_to(self, command: argparse.ArgumentParser) -> None:
-        """Declare it."""
-        command.add_argument(*self.names, **self.settings)
-
 
 def flag(name: str, text: str, to: Sequence[str] = ("run",)) -> Option:
     """An option without a value."""
@@ -82,13 +78,8 @@ JOBS = Option("--jobs", type=positive, metavar="N", help="processes side by side
 
 
 def nothing(summary: Summary, *_: Any, **__: Any) -> list[Any]:
-    """No figures, no tables."""
+    """No figures."""
     return []
-
-
-def folder_written(summary: Summary, out: Path) -> str:
-    """Where the results are."""
-    return f"written to {out}"
 
 
 @dataclass(frozen=True)
@@ -117,17 +108,17 @@ class Study:
     text: str
     run: Callable[..., Any]
     read: Callable[..., Any]
-    figures: Callable[..., list[str]] = nothing
-    tables: Callable[..., list[Any]] = nothing
-    options: tuple[Option, ...] = ()
-    command: str = ""
+    figures: Callable[..., list[str]]
+    tables: Callable[..., list[Any]]
+    options: tuple[Option, ...]
+    command: str
     file: str = "summary.json"
     success: tuple[str, str] = ("block", "turned over")
     instead: Callable[..., bool] | None = None
     otherwise: Mapping[str, str] = field(default_factory=dict)
     stored: Callable[..., Any] | None = None
     alone: bool = False
-    written: Callable[[Summary, Path], str] = folder_written
+    written: Callable[[Summary, Path], str] = lambda summary, out: f"written to {out}"
 
     @property
     def schema(self) -> str:

@@ -115,15 +115,6 @@ def test_parameters_and_state_live_in_the_context(context_of: Any) -> None:
     assert updated[0] == pytest.approx((1 - np.exp(-0.004)) * 7.0)
 
 
-def test_initial_estimate(context_of: Any) -> None:
-    block = DisturbanceObserver([10.0, 20.0], [2.0, 3.0], 1e-3)
-    context = context_of(block, tau=[0.0, 0.0], qd=[-0.5, 0.25])
-    block.set_initial_estimate(context, qd=[-0.5, 0.25], tau_dis=[-7.0, 8.0])
-    assert block.GetOutputPort("tau_dis").Eval(context) == pytest.approx([-7.0, 8.0])
-    block.set_initial_estimate(context, qd=[-0.5, 0.25])
-    assert block.GetOutputPort("tau_dis").Eval(context) == pytest.approx([0.0, 0.0])
-
-
 def test_bad_arguments_are_refused() -> None:
     with pytest.raises(InputError, match="g_dis"):
         DisturbanceObserver([-1.0], [1.0], 1e-3)

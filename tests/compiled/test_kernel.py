@@ -75,11 +75,6 @@ def test_a_folder_that_cannot_be_written_costs_only_time(folder, monkeypatch, tm
     assert compile_diagram(saturated_loop()).from_cache  # in memory
 
 
-def test_cache_off_writes_nothing(folder):
-    assert not compile_diagram(saturated_loop(), cache=False).from_cache
-    assert not folder.exists()
-
-
 def test_the_folder_stays_small(folder, monkeypatch):
     monkeypatch.setattr(kernel, "_KEPT", 2)
     folder.mkdir()

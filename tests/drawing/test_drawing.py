@@ -214,14 +214,14 @@ def test_rates_ports_and_feedthrough(loop):
     rows = {row.name: row for row in draw(loop).rates()}
     names = {s.get_name() for s in loop.diagram.GetSystems() if not s.get_name().startswith("log_")}
     assert {name.split("/")[-1] for name in rows} == names
-    assert rows["robot/robot"].period == 0.001
-    assert (rows["mpc"].timing.kind, rows["mpc"].period, rows["mpc"].feedthrough) == ("events", None, ())
+    assert rows["robot/robot"].timing.period == 0.001
+    assert (rows["mpc"].timing.kind, rows["mpc"].feedthrough) == ("events", ())
     assert rows["pd"].timing.kind == "direct"
     assert [str(port) for port in rows["pd"].inputs] == ["x_cmd (6)", "v_cmd (6)", "x (6)", "v (6)"]
     assert rows["inverse_jacobian"].feedthrough == (("a_ref", "qdd_ref"), ("q", "qdd_ref"), ("qd", "qdd_ref"))
     if "dob" in loop.architecture:
         observer = rows["disturbance_observer"]
-        assert (observer.system_class, observer.period, observer.offset) == ("DisturbanceObserver", 0.001, 0.0)
+        assert (observer.system_class, observer.timing.text) == ("DisturbanceObserver", "every 0.001 s")
         assert observer.feedthrough == (("qd", "tau_dis"),)
     unconnected = {row.name: row for row in draw(loop).rates(unconnected=True)}
     assert len(unconnected["robot/robot"].outputs) == loop.cell.plant.num_output_ports() > 5
@@ -248,7 +248,11 @@ def test_rates_in_markdown_and_on_the_boxes():
 def test_offsets_of_samples_are_told():
     loop = build_loop(Scenario().with_overrides({"simulation.step": 0.0005}))
     hold = next(row for row in draw(loop).rates() if row.name == "hold")
-    assert (hold.period, hold.offset, hold.timing.text) == (0.001, 0.00075, "every 0.001 s, offset 0.00075 s")
+    assert (hold.timing.period, hold.timing.offset, hold.timing.text) == (
+        0.001,
+        0.00075,
+        "every 0.001 s, offset 0.00075 s",
+    )
 
 
 TEXTS = """

@@ -14,18 +14,18 @@ from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.convexification import Convexification
 from flipdiagram.planning.limits import SPEED, TORQUE
 from flipdiagram.robot.arm import ArmModel
-from flipdiagram.robot.own_files import ArmFile
+from flipdiagram.robot.arm_spec import ArmFile, ArmSpec
 from flipdiagram.scenario.scenario import Scenario
 
 X = 0.5
 
 ROTORS = (0.6, 0.6, 0.5, 0.5, 0.2, 0.2, 0.2)
 ARMS = {
-    "MH3F": {"payload_mass": 0.05, "payload_inertia": 1e-5},
-    "turned base": {"base_pose": (0.1, -0.2, 0.3, 0.4), "link_inertia_scales": [1.5, 0.5, 1, 2, 1, 1]},
-    "UR5": {"arm": ArmFile(package_file("ur_description/urdf/ur5_joint_limited_robot.urdf"), "base_link", "tool0")},
+    "MH3F": {},
+    "turned base": {"base_pose": (0.1, -0.2, 0.3, 0.4), "link_inertia_scales": (1.5, 0.5, 1, 2, 1, 1)},
+    "UR5": {"own": ArmFile(package_file("ur_description/urdf/ur5_joint_limited_robot.urdf"), "base_link", "tool0")},
     "Panda": {
-        "arm": ArmFile(
+        "own": ArmFile(
             package_file("panda_description/urdf/panda.urdf"), "panda_link0", "panda_link8", reflected_inertia=ROTORS
         )
     },
@@ -34,7 +34,7 @@ ARMS = {
 
 @pytest.fixture(scope="module", params=ARMS)
 def any_arm(request):
-    return ArmModel(**ARMS[request.param])
+    return ArmModel(ArmSpec(**ARMS[request.param]))
 
 
 def test_kinematics_and_dynamics_are_those_of_drake(any_arm):
@@ -44,7 +44,8 @@ def test_kinematics_and_dynamics_are_those_of_drake(any_arm):
     chain = arm_motion(any_arm, X, native=True)
     assert isinstance(chain, ChainMotion)
     qd, from_task, by_input, rest = chain.along(q, v)
-    at, tau, speeds = chain._kinematics.along(chain._chain, q, v), chain.torques(q, v, a), chain.speeds(q, v)
+    at, speeds = chain._kinematics.along(chain._chain, q, v), chain.speeds(q, v)
+    tau = np.einsum("kij,kj->ki", by_input, a) + rest
     np.testing.assert_array_equal(at.from_task[:, :, :3], from_task)
     for k in range(40):
         inverse = np.linalg.pinv(any_arm.task_jacobian(q[k])[1])
@@ -65,10 +66,10 @@ def test_kinematics_and_dynamics_are_those_of_drake(any_arm):
 def test_the_plants_own_motion_is_made_of_the_same_numbers(any_arm):
     """The one that serves where there is no such chain."""
     rng, n = np.random.default_rng(1), any_arm.n_joints
-    q, v, a = any_arm.home + rng.uniform(-0.5, 0.5, (5, n)), rng.normal(size=(5, 3)), 10 * rng.normal(size=(5, 3))
+    q, v = any_arm.home + rng.uniform(-0.5, 0.5, (5, n)), rng.normal(size=(5, 3))
     plant, chain = (arm_motion(any_arm, X, native) for native in (False, True))
     pairs = [*zip(plant.along(q, v), chain.along(q, v), strict=True), (plant.speeds(q, v), chain.speeds(q, v))]
-    for one, other in [*pairs, (plant.torques(q, v, a), chain.torques(q, v, a))]:
+    for one, other in pairs:
         np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-9 * (1 + np.abs(other).max()))
 
 
@@ -76,15 +77,15 @@ def test_the_wrist_of_the_mh3f_is_singular_when_straight(arm):
     straight = arm.home.copy()
     straight[4] = 0.0
     assert np.linalg.svd(arm.task_jacobian(straight)[1], compute_uv=False)[-1] < 1e-9
-    chain, still = arm_motion(arm, X, native=True), np.zeros((1, 3))
-    for function, arguments in ((chain.along, 1), (chain.speeds, 1), (chain.torques, 2)):
+    chain = arm_motion(arm, X, native=True)
+    for function in (chain.along, chain.speeds):
         with pytest.raises(PlanningError, match="singular pose"):
-            function(straight[None], *arguments * (still,))
+            function(straight[None], np.zeros((1, 3)))
 
 
 def test_an_arm_whose_middle_is_singular_can_still_be_linearised_for(scenario):
     """As of an arm without a home of its own, whose joint limits are symmetric about a straight wrist."""
-    straight = ArmModel(scenario.object.thickness / 2)
+    straight = ArmModel(ArmSpec(tool_height=scenario.object.thickness / 2))
     straight.home = np.where(np.arange(6) == 4, 0.0, straight.home)
     Convexification(scenario, straight, native=True)
 
@@ -102,7 +103,7 @@ SCENARIOS = {
 def test_all_rows_by_machine_code_are_those_by_numpy_and_drake(fields, shift):
     scenario = Scenario().with_overrides({**fields, "planner.solver": "daqp"})
     horizons = Convexification(
-        scenario, ArmModel(scenario.object.thickness / 2, torque_scale=scenario.arm.torque_scale)
+        scenario, ArmModel(ArmSpec(tool_height=scenario.object.thickness / 2, torque_scale=scenario.arm.torque_scale))
     )
     point = horizons.guess(24, 5)
     rng = np.random.default_rng(1)
@@ -193,5 +194,6 @@ def test_a_trajectory_is_not_changed_and_rows_outlive_the_next_linearisation(sce
 def test_only_the_last_horizons_are_kept(scenario, arm):
     horizons = Convexification(scenario, arm)
     for n_flight in range(1, 60):
-        horizons._linearisation(24, n_flight)
-    assert len(horizons._linearisations) == 32 and horizons._linearisation(24, 59) is horizons._linearisation(24, 59)
+        horizons._linearisation(24, n_flight, 0.0)
+    assert horizons._linearisation.cache_info().currsize == 32
+    assert horizons._linearisation(24, 59, 0.0) is horizons._linearisation(24, 59, 0.0)

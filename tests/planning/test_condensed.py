@@ -11,9 +11,8 @@ from scipy.optimize import nnls
 
 from flipdiagram.errors import InputError
 from flipdiagram.planning import Planner, dense
-from flipdiagram.planning.condensed import CondensedProgram, unit_smoothing_basis
+from flipdiagram.planning.condensed import CondensedProgram, make_program, unit_smoothing_basis
 from flipdiagram.planning.convexification import GROUPS, Convexification
-from flipdiagram.planning.engines import make_program
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.model import flight
 from flipdiagram.planning.program import HorizonProgram

@@ -8,9 +8,10 @@ from scipy.integrate import solve_ivp
 
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning.constraints import bound_law
+from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.placing import Placer
 from flipdiagram.planning.rows import Constraint
-from flipdiagram.planning.segment import SegmentProgram
+from flipdiagram.planning.segment import segment
 from flipdiagram.planning.slide import Slide, tilt_for
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import Scenario
@@ -58,8 +59,8 @@ def at_most(layout, speed):
 def test_a_free_segment_is_the_smoothest_motion():
     """Min Σ|Δu|² from rest to rest; with many samples it tends to the closed form with least jerk and free ends of a."""
     n, dt = 100, 0.005
-    program = SegmentProgram(n, dt)
-    states, inputs = program.plan(np.zeros(3), np.array([0.2, 0.0, 0.0]), at_most(program.layout, 99.0))
+    layout = Layout(n, 0)
+    states, inputs = segment(np.zeros(3), np.array([0.2, 0.0, 0.0]), at_most(layout, 99.0), layout, dt)
     t = np.linspace(0, 1, n + 1)
     smooth = 0.2 * (
         10 * t**3 - 15 * t**4 + 6 * t**5
@@ -70,12 +71,12 @@ def test_a_free_segment_is_the_smoothest_motion():
 
 
 def test_a_segment_keeps_its_rows_or_says_that_it_cannot():
-    program = SegmentProgram(50, 0.01)
-    ceiling = at_most(program.layout, 0.5)
-    states, _ = program.plan(np.zeros(3), np.array([0.2, 0.0, 0.0]), ceiling)
+    layout = Layout(50, 0)
+    ceiling = at_most(layout, 0.5)
+    states, _ = segment(np.zeros(3), np.array([0.2, 0.0, 0.0]), ceiling, layout, 0.01)
     assert states[:, 3].max() == pytest.approx(0.5, abs=1e-4)
     with pytest.raises(PlanningError, match="no motion in 0.50 s"):
-        program.plan(np.zeros(3), np.array([0.3, 0.0, 0.0]), ceiling)
+        segment(np.zeros(3), np.array([0.3, 0.0, 0.0]), ceiling, layout, 0.01)
 
 
 @pytest.fixture(scope="module", params=[1.86, 0.5])

@@ -272,12 +272,12 @@ def test_claims_keep_their_order_and_their_commands():
 
 
 def test_where_an_architecture_works_is_counted():
-    (text,) = border_sentences(drawn())
+    text = border_sentences(drawn())
     assert text.count("works in 1 of 4 cells; failures: blade hit the table 1, ") == 4
     everywhere = drawn()
     everywhere["architectures"]["pd"] |= {"success": [[True] * 2] * 2, "failure": [[None] * 2] * 2}
     everywhere["architectures"]["pd+ff"]["success"] = [[False] * 2] * 2
-    (text,) = border_sentences(everywhere)
+    text = border_sentences(everywhere)
     assert "works everywhere\n" in text and "works nowhere; failures" in text
 
 

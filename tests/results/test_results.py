@@ -27,10 +27,9 @@ from flipdiagram.simulation import metrics
 from flipdiagram.simulation.margins import with_margins
 from flipdiagram.simulation.metrics import FlipMetrics, measure
 from flipdiagram.simulation.recording_files import save_recording
-from flipdiagram.studies.experiment import claims as experiment
-from flipdiagram.studies.experiment.claims import Row
+from flipdiagram.studies.experiment.claims import run_entry
 from flipdiagram.studies.experiment.run import recording_name
-from flipdiagram.studies.frequency import claims as frequency
+from flipdiagram.studies.frequency.claims import TEXTS
 
 
 def flown(architecture="pd+ff+dob", **overrides):
@@ -389,16 +388,16 @@ def turnover_body(datas, folder=None):
 def experiment_body(starts=(0.0, 0.02)):
     datas = {name: flown(name) for name in ("pd", "pd+ff+dob")}
     flown_from = [(y, replace(measure(data), start_y_m=y)) for y in starts for data in datas.values()]
-    rows = [Row(y, metrics.architecture, Outcome(metrics, metrics.failure)) for y, metrics in flown_from]
-    rows[-1] = Row(starts[-1], "pd+ff+dob", Outcome(None, "no plan: far"))
+    runs = [run_entry(y, metrics.architecture, Outcome(metrics, metrics.failure)) for y, metrics in flown_from]
+    runs[-1] = run_entry(starts[-1], "pd+ff+dob", Outcome(None, "no plan: far"))
     holds = {"E1": True, "E2": None, "E3": False}
-    claims = [experiment.Claim(id, "it turns", verdict, "1 of 1", "yes", {}) for id, verdict in holds.items()]
+    said = {"text": "it turns", "measured": "1 of 1", "paper": "yes", "numbers": {}, "difference": ""}
     return {
         "quick": True,
         "starts_y_m": list(starts),
         "architectures": list(datas),
-        "runs": [row.as_dict() for row in rows],
-        "claims": [claim.as_dict() for claim in claims],
+        "runs": runs,
+        "claims": [{"id": id, "holds": verdict, **said} for id, verdict in holds.items()],
         "second_engine": None,
     }
 
@@ -464,7 +463,7 @@ def frequency_body(factor=1.0):
         }
         for k, name in enumerate(("pd", "pd+dob"))
     ]
-    claims = [frequency.Claim("C1", factor == 1.0, {"gain": 1.0}).as_dict()]
+    claims = [{"id": "C1", "claim": TEXTS["C1"], "holds": factor == 1.0, "measured": {"gain": 1.0}}]
     return {"curves": curves, "torque": torque, "claims": claims, "seconds": factor}
 
 

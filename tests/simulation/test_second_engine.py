@@ -231,7 +231,7 @@ def test_drakes_flip_succeeds_in_mujoco_too_and_what_is_not_the_blocks_stays():
 
 def test_without_mujoco_the_error_says_how_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(InputError, match=r"pip install 'flipdiagram\[bench\]'"):
+    with pytest.raises(InputError, match=r"pip install 'flipdiagram\[mujoco\]'"):
         replay_in_mujoco(recording(at()))
 
 

@@ -15,12 +15,7 @@ from matplotlib.figure import Figure
 from flipdiagram.figures.style import NAMES, RC, STYLES, save
 from flipdiagram.studies.study import Progress, Summary
 
-COLOURS = "viridis_r"
-"""Sequential and even for colour-blind readers: dark is a large error."""
 FAILED = "#DDDDDD"
-LEAST, MOST = 0.1, 5.0
-"""Range of the position error shown [cm], the same in every map."""
-NO_PLAN = "no plan"
 
 
 def plot_map(a_map: Mapping[str, Any]) -> Figure:
@@ -29,9 +24,8 @@ def plot_map(a_map: Mapping[str, Any]) -> Figure:
     with rc_context(RC):
         figure = Figure(figsize=(2.75 * len(names) + 0.9, 3.5), layout="constrained")
         panels = figure.subplots(1, len(names), sharex=True, sharey=True, squeeze=False)[0]
-        norm = LogNorm(LEAST, MOST)
         for ax, name in zip(panels, names, strict=True):
-            image = _panel(ax, a_map["architectures"][name], norm)
+            image = _panel(ax, a_map["architectures"][name])
             ax.set_title(NAMES[name], color=STYLES[name].color, fontweight="bold", fontsize=10)
             _ticks(ax, a_map["x"], a_map["y"])
         panels[0].set_ylabel(a_map["y"]["label"])
@@ -44,14 +38,16 @@ def plot_map(a_map: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def _panel(ax: Axes, cells: Mapping[str, Any], norm: LogNorm) -> Any:
+def _panel(ax: Axes, cells: Mapping[str, Any]) -> Any:
     success = np.array(cells["success"], dtype=bool)
     error = np.array([[np.nan if e is None else 100 * e for e in row] for row in cells["position_rmse_m"]], dtype=float)
     ax.set_facecolor(FAILED)
-    image = ax.imshow(np.where(success, error, np.nan), origin="lower", aspect="auto", cmap=COLOURS, norm=norm)
+    # dark is a large error, even for colour-blind readers; the same range [cm] in every map
+    look: Any = {"cmap": "viridis_r", "norm": LogNorm(0.1, 5.0)}
+    image = ax.imshow(np.where(success, error, np.nan), origin="lower", aspect="auto", **look)
     for (j, i), won in np.ndenumerate(success):
         if not won:
-            planned = not str(cells["failure"][j][i]).startswith(NO_PLAN)
+            planned = not str(cells["failure"][j][i]).startswith("no plan")
             if not planned:
                 ax.fill([i - 0.5, i + 0.5, i + 0.5, i - 0.5], [j - 0.5, j - 0.5, j + 0.5, j + 0.5], color="white")
             ax.text(i, j, "×" if planned else "–", ha="center", va="center", color="0.35", fontsize=9)
@@ -61,13 +57,10 @@ def _panel(ax: Axes, cells: Mapping[str, Any], norm: LogNorm) -> Any:
 
 def _border(ax: Axes, success: np.ndarray) -> None:
     """A thick line between cells that succeed and cells that do not."""
-    rows, columns = success.shape
-    for j in range(rows):
-        for i in range(columns):
-            if i + 1 < columns and success[j, i] != success[j, i + 1]:
-                ax.plot([i + 0.5, i + 0.5], [j - 0.5, j + 0.5], color="black", linewidth=2.2)
-            if j + 1 < rows and success[j, i] != success[j + 1, i]:
-                ax.plot([i - 0.5, i + 0.5], [j + 0.5, j + 0.5], color="black", linewidth=2.2)
+    for j, i in np.argwhere(success[:, 1:] != success[:, :-1]):
+        ax.plot([i + 0.5, i + 0.5], [j - 0.5, j + 0.5], color="black", linewidth=2.2)
+    for j, i in np.argwhere(success[1:] != success[:-1]):
+        ax.plot([i - 0.5, i + 0.5], [j + 0.5, j + 0.5], color="black", linewidth=2.2)
 
 
 def _ticks(ax: Axes, x: Mapping[str, Any], y: Mapping[str, Any]) -> None:

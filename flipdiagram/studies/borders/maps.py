@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,16 +52,8 @@ def maps_of(scenario: Scenario, resolution: int | None = None) -> dict[str, Map]
     resolution: points per axis; finer than the default where it is larger, thinner where it is smaller.
     """
     if resolution is not None and resolution < 2:
-        raise InputError(f"resolution = {resolution} is not valid; valid is a whole number of at least 2")
-    maps = (
-        _disturbance(resolution),
-        _payload(resolution),
-        _clearance(resolution),
-        _gains(scenario, resolution),
-        _cone(resolution),
-        _inertia(resolution),
-        _sensing(resolution),
-    )
+        raise InputError.of("resolution", resolution, "a whole number of at least 2")
+    maps = (*_disturbances(resolution), _gains(scenario, resolution), _cone(resolution), *_estimates(resolution))
     return {a_map.name: a_map for a_map in maps}
 
 
@@ -78,7 +70,7 @@ def _ratios(low: float, high: float, default: int, resolution: int | None) -> li
     return [float(f"{value:.3g}") for value in np.geomspace(low, high, resolution or default)]
 
 
-def _friction(default: int, resolution: int | None, high: float = 0.2) -> Axis:
+def _friction(default: int, resolution: int | None) -> Axis:
     def fields(level: float) -> Overrides:
         # viscous friction grows in the default's proportion; above 14 % the default's transition would chatter
         return {
@@ -87,11 +79,11 @@ def _friction(default: int, resolution: int | None, high: float = 0.2) -> Axis:
             "joint_friction.transition_velocity": max(0.06, 0.45 * level),
         }
 
-    return Axis.of("joint friction [of rated torque]", _grid(0.0, high, default, resolution), fields)
+    return Axis.of("joint friction [of rated torque]", _grid(0.0, 0.2, default, resolution), fields)
 
 
-def _disturbance(resolution: int | None) -> Map:
-    return Map(
+def _disturbances(resolution: int | None) -> Iterator[Map]:
+    yield Map(
         "disturbance",
         "Small and large disturbances",
         "Conclusion 2 of the paper: FF is effective in small disturbances, the observer in large ones.",
@@ -102,10 +94,7 @@ def _disturbance(resolution: int | None) -> Map:
         ),
         _friction(5, resolution),
     )
-
-
-def _payload(resolution: int | None) -> Map:
-    return Map(
+    yield Map(
         "payload",
         "Unknown payload, gravity of the arm compensated",
         "How heavy a load, unknown to plan and controller, may hang at the flange where the arm's own weight is known?",
@@ -116,10 +105,7 @@ def _payload(resolution: int | None) -> Map:
         ),
         _friction(4, resolution),
     )
-
-
-def _clearance(resolution: int | None) -> Map:
-    return Map(
+    yield Map(
         "clearance",
         "Distance from the table",
         "Where is the border of E1: how far from the table must the plan keep the blade of an arm that sags?",
@@ -135,7 +121,6 @@ def _clearance(resolution: int | None) -> Map:
 def _gains(scenario: Scenario, resolution: int | None) -> Map:
     k_p, k_v, g_dis = scenario.controller.k_p, scenario.controller.k_v, scenario.controller.g_dis
     damping = k_v / (2 * k_p**0.5) if k_p else 1.0
-
     return Map(
         "gains",
         "Gains",
@@ -174,34 +159,29 @@ def _cone(resolution: int | None) -> Map:
     )
 
 
-def _inertia(resolution: int | None) -> Map:
-    values: list[float | str] = [*_ratios(1 / 3, 3.0, 7, resolution), "lab"]
+def _estimates(resolution: int | None) -> Iterator[Map]:
+    scales: list[float | str] = [*_ratios(1 / 3, 3.0, 7, resolution), "lab"]
+    cutoffs: list[float | str] = [*_ratios(40.0, 1000.0, 5, resolution), "exact"]
+    delays = sorted({round(delay) for delay in np.linspace(0, 12, resolution or 5)})
 
-    def fields(value: float | str) -> Overrides:
-        if value == "lab":
-            return {"controller.nominal_inertia": LAB_INERTIA, "controller.nominal_inertia_scale": 1.0}
-        return {"controller.nominal_inertia": None, "controller.nominal_inertia_scale": value}
+    def inertia(scale: float | str) -> Overrides:
+        constant, scale = (LAB_INERTIA, 1.0) if scale == "lab" else (None, scale)
+        return {"controller.nominal_inertia": constant, "controller.nominal_inertia_scale": scale}
 
-    return Map(
+    def filtered(cutoff: float | str) -> Overrides:
+        return {"sensors.velocity_cutoff": None if cutoff == "exact" else cutoff}
+
+    yield Map(
         "inertia",
         "Error of the nominal inertia",
         "How wrong may M_n be?  (lab: the constant M_n of the authors' laboratory)",
-        Axis.of("nominal inertia [of diag M(q) at the start]", values, fields, logarithmic=True),
+        Axis.of("nominal inertia [of diag M(q) at the start]", scales, inertia, logarithmic=True),
         _friction(3, resolution),
     )
-
-
-def _sensing(resolution: int | None) -> Map:
-    values: list[float | str] = [*_ratios(40.0, 1000.0, 5, resolution), "exact"]
-
-    def fields(value: float | str) -> Overrides:
-        return {"sensors.velocity_cutoff": None if value == "exact" else value}
-
-    steps = sorted({round(delay) for delay in np.linspace(0, 12, resolution or 5)})
-    return Map(
+    yield Map(
         "sensing",
         "Velocity filter and delay",
         "How slow may the velocity filter be, and how old the measurement?",
-        Axis.of("cut-off of the velocity filter [rad/s]", values, fields, logarithmic=True),
-        Axis.of("delay [periods of 1 ms]", steps, lambda delay: {"sensors.delay": int(delay)}),
+        Axis.of("cut-off of the velocity filter [rad/s]", cutoffs, filtered, logarithmic=True),
+        Axis.of("delay [periods of 1 ms]", delays, lambda delay: {"sensors.delay": int(delay)}),
     )

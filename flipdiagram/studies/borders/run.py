@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from flipdiagram.flips.flip import Flip
 from flipdiagram.flips.outcome import Outcome
 from flipdiagram.flips.run import Progress, run_flips
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
-from flipdiagram.studies.borders.maps import Axis, Map, maps_of
+from flipdiagram.studies.borders.maps import Map, maps_of
 from flipdiagram.studies.borders.variations import Variation, variations_of
 
 VARIATIONS = "variations"
@@ -57,7 +58,7 @@ def run(
         for j in range(len(a_map.y.values))
         for i in range(len(a_map.x.values))
     ]
-    flips += [Flip(v.applied_to(scenario), name) for name in ARCHITECTURES for v in variations]
+    flips += [Flip(scenario.with_overrides(v.overrides), name) for name in ARCHITECTURES for v in variations]
     outcomes = iter(run_flips(flips, Path(out), jobs=jobs, progress=progress))
     cells = [
         {name: [[next(outcomes) for _ in a_map.x.values] for _ in a_map.y.values] for name in ARCHITECTURES}
@@ -79,57 +80,27 @@ def cell(scenario: Scenario, a_map: Map, i: int, j: int, architecture: str) -> F
 
 def map_summary(a_map: Map, cells: dict[str, list[list[Outcome]]]) -> dict[str, Any]:
     """The entry of a map; cells: outcomes by architecture, rows along y, columns along x."""
-    return {
-        "name": a_map.name,
-        "title": a_map.title,
-        "question": a_map.question,
-        "x": _axis_summary(a_map.x),
-        "y": _axis_summary(a_map.y),
-        "architectures": {
-            name: {
-                "success": [[outcome.success for outcome in row] for row in rows],
-                "failure": [[outcome.failure for outcome in row] for row in rows],
-                **{number: [[_number(outcome, number) for outcome in row] for row in rows] for number in NUMBERS},
-            }
-            for name, rows in cells.items()
-        },
-    }
+    tables: dict[str, Any] = {}
+    for name, rows in cells.items():
+        entries = [[_entry(outcome) for outcome in row] for row in rows]
+        tables[name] = {key: [[entry[key] for entry in row] for row in entries] for key in entries[0][0]}
+    return asdict(a_map) | {"architectures": tables}
 
 
-def _axis_summary(axis: Axis) -> dict[str, Any]:
-    return {
-        "label": axis.label,
-        "values": list(axis.values),
-        "logarithmic": axis.logarithmic,
-        "overrides": [dict(fields) for fields in axis.overrides],
-    }
-
-
-def _number(outcome: Outcome, name: str) -> float | None:
-    return None if outcome.metrics is None else float(getattr(outcome.metrics, name))
+def _entry(outcome: Outcome) -> dict[str, Any]:
+    """Verdict and metrics of a flip; None where nothing was measured."""
+    numbers = {name: outcome.metrics and float(getattr(outcome.metrics, name)) for name in NUMBERS}
+    return {"success": outcome.success, "failure": outcome.failure, **numbers}
 
 
 def variation_summary(variations: Sequence[Variation], varied: dict[str, list[Outcome]]) -> list[dict[str, Any]]:
     """Each variation with its verdicts; fragile where one differs from the first, the scenario as it is."""
     rows: list[dict[str, Any]] = []
     for k, variation in enumerate(variations):
-        outcomes = {name: varied[name][k] for name in varied}
-        verdicts = {name: outcome.success for name, outcome in outcomes.items()}
-        rows.append(
-            {
-                "group": variation.group,
-                "name": variation.name,
-                "overrides": dict(variation.overrides),
-                "fragile": [name for name in verdicts if rows and verdicts[name] != rows[0]["runs"][name]["success"]],
-                "runs": {
-                    name: {
-                        "success": outcome.success,
-                        "failure": outcome.failure,
-                        **{number: _number(outcome, number) for number in NUMBERS},
-                        "max_torque_joint_2_Nm": outcome.metrics and outcome.metrics.max_torque_Nm[1],
-                    }
-                    for name, outcome in outcomes.items()
-                },
-            }
-        )
+        runs = {}
+        for name, outcomes in varied.items():
+            metrics = outcomes[k].metrics
+            runs[name] = _entry(outcomes[k]) | {"max_torque_joint_2_Nm": metrics and metrics.max_torque_Nm[1]}
+        fragile = [name for name in runs if rows and runs[name]["success"] != rows[0]["runs"][name]["success"]]
+        rows.append(asdict(variation) | {"fragile": fragile, "runs": runs})
     return rows

@@ -6,6 +6,14 @@ from flipdiagram.grid import Grid
 from flipdiagram.scenario.scenario import ARCHITECTURES
 from flipdiagram.studies.study import Summary
 
+NUMBERS = {
+    "position RMSE [cm]": ("position_rmse_m", 100, 2),
+    "acceleration RMSE [m/s²]": ("acceleration_rmse_m_s2", 1, 2),
+    "slip [mm]": ("max_slip_m", 1000, 1),
+    "joint 2 [N m]": ("max_torque_joint_2_Nm", 1, 1),
+}
+"""By heading: a number of a run, the factor to its unit, and its digits."""
+
 
 def tables(summary: Summary) -> list[Grid | str | None]:
     """What a terminal shows."""
@@ -28,33 +36,13 @@ def variation_grid(summary: Summary) -> Grid:
     """Each variation: who turned the block over, and how the numbers of the proposed controller move."""
     rows = []
     for row in summary["variations"]:
-        runs = row["runs"]
-        verdicts = " ".join("yes" if runs[name]["success"] else "no" for name in ARCHITECTURES)
-        best = runs["pd+ff+dob"]
+        verdicts = " ".join("yes" if row["runs"][name]["success"] else "no" for name in ARCHITECTURES)
+        numbers = [_text(row["runs"]["pd+ff+dob"][name], *shown) for name, *shown in NUMBERS.values()]
         fragile = ", ".join(f"`{name}`" for name in row["fragile"]) or "–"
-        rows.append(
-            [
-                row["group"],
-                row["name"],
-                verdicts,
-                _text(best["position_rmse_m"], 100, 2),
-                _text(best["acceleration_rmse_m_s2"], 1, 2),
-                _text(best["max_slip_m"], 1000, 1),
-                _text(best["max_torque_joint_2_Nm"], 1, 1),
-                fragile,
-            ]
-        )
-    headings = [
-        "group",
-        "changed",
-        "turned over (" + ", ".join(ARCHITECTURES) + ")",
-        "position RMSE [cm]",
-        "acceleration RMSE [m/s²]",
-        "slip [mm]",
-        "joint 2 [N m]",
-        "verdict differs for",
-    ]
-    return Grid(headings, rows, title="numbers of pd+ff+dob", right=headings[3:7])
+        rows.append([row["group"], row["name"], verdicts, *numbers, fragile])
+    verdicts = f"turned over ({', '.join(ARCHITECTURES)})"
+    headings = ["group", "changed", verdicts, *NUMBERS, "verdict differs for"]
+    return Grid(headings, rows, title="numbers of pd+ff+dob", right=list(NUMBERS))
 
 
 def _text(value: float | None, factor: float, digits: int) -> str:

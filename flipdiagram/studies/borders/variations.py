@@ -24,17 +24,15 @@ class Variation:
     name: str
     overrides: Mapping[str, Any]
 
-    def applied_to(self, scenario: Scenario) -> Scenario:
-        """The scenario with the change."""
-        return scenario.with_overrides(self.overrides)
-
 
 def variations_of(scenario: Scenario) -> Iterator[Variation]:
     """The scenario as it is, then each change alone."""
     physics = scenario.simulation
     yield Variation("scenario", "as it is", {})
+    names = get_args(Simulation.model_fields["contact_approximation"].annotation)
+    installed = [name for name in names if hasattr(DiscreteContactApproximation, f"k{name.capitalize()}")]
     for model in ("hydroelastic_with_fallback", "point"):
-        for approximation in installed_approximations():
+        for approximation in installed:
             if (model, approximation) != (physics.contact_model, physics.contact_approximation):
                 fields = {"simulation.contact_model": model, "simulation.contact_approximation": approximation}
                 words = "point" if model == "point" else "hydroelastic"
@@ -42,16 +40,6 @@ def variations_of(scenario: Scenario) -> Iterator[Variation]:
     for step in STEPS:
         if step != physics.step and step <= scenario.controller.period:
             yield Variation("step", f"{1000 * step:g} ms", {"simulation.step": step})
-    yield from _inertias(scenario)
-
-
-def installed_approximations() -> list[str]:
-    """The contact approximations of the scenario that the installed Drake still has."""
-    names = get_args(Simulation.model_fields["contact_approximation"].annotation)
-    return [name for name in names if hasattr(DiscreteContactApproximation, f"k{name.capitalize()}")]
-
-
-def _inertias(scenario: Scenario) -> Iterator[Variation]:
     arm, joints = scenario.arm, "SLURBT"
     for field, text in (("link_inertia_scale", "link"), ("reflected_inertia_scale", "rotor and gear")):
         together = getattr(arm, field)

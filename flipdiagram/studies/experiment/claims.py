@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from flipdiagram.flips.outcome import Outcome
 from flipdiagram.scenario.scenario import ARCHITECTURES
-from flipdiagram.simulation.metrics import FlipMetrics
 
 JOINT_2 = 1
 MUCH = 2.0
@@ -25,6 +23,7 @@ FACTOR = 2.0
 """Factor between the paper's number and ours from which the difference wants an explanation."""
 
 BOTH, DOB, FF, PD = "pd+ff+dob", "pd+dob", "pd+ff", "pd"
+WITH_OBSERVER = (DOB, BOTH)
 TEXTS = {
     "E1": ("FF+DOB and DOB turn the block over; FF and PD alone drop it at the beginning", "2 of 4, one start"),
     "E2": ("with DOB the error from the commanded trajectory is much smaller", "Fig. 13, no number"),
@@ -38,184 +37,149 @@ TEXTS = {
 """What is claimed, and the paper's number."""
 
 
-@dataclass(frozen=True)
-class Row:
-    """One run of the experiment: start [m], architecture, outcome."""
-
-    start_y: float
-    architecture: str
-    outcome: Outcome
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON: the turnover `runs` entry, or why there is none."""
-        head = {"architecture": self.architecture, "start_y_m": self.start_y, "success": self.outcome.success}
-        measured = self.outcome.metrics.as_dict() if self.outcome.metrics else {"failure": self.outcome.failure}
-        return head | measured | {"plan": self.outcome.plan}
+Judgement = tuple[bool | None, str, dict[str, Any], str]
+"""Whether a claim holds (None: not judged), the sentence measured, its numbers, what may explain a difference."""
 
 
-@dataclass(frozen=True)
-class Claim:
-    """One claim: does it hold (None: not judged), the sentence measured, the numbers, the paper's, what differs."""
-
-    id: str
-    text: str
-    holds: bool | None
-    measured: str
-    paper: str
-    numbers: dict[str, Any]
-    difference: str = ""
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        return asdict(self)
+def run_entry(start_y: float, architecture: str, outcome: Outcome) -> dict[str, Any]:
+    """The `runs` entry of one flip from a start [m]: that of a turnover, or why there is none."""
+    head = {"architecture": architecture, "start_y_m": start_y, "success": outcome.success}
+    measured = outcome.metrics.as_dict() if outcome.metrics else {"failure": outcome.failure}
+    return head | measured | {"plan": outcome.plan}
 
 
 class Runs:
-    """The measured runs by architecture."""
+    """The `runs` entries by architecture."""
 
-    def __init__(self, rows: Sequence[Row]) -> None:
-        self.rows = [row for row in rows if row.outcome.metrics is not None]
-        self.starts = sorted({row.start_y for row in rows})
-        self.all = list(rows)
+    def __init__(self, entries: Sequence[dict[str, Any]]) -> None:
+        self.all = sorted(entries, key=lambda run: run["start_y_m"])
 
-    def values(self, architecture: str, read: Callable[[FlipMetrics], float]) -> np.ndarray:
-        """A number of every start of an architecture, in the order of the starts."""
-        rows = sorted((row for row in self.rows if row.architecture == architecture), key=lambda row: row.start_y)
-        return np.array([read(row.outcome.metrics) for row in rows if row.outcome.metrics])
+    def of(self, architecture: str) -> list[dict[str, Any]]:
+        """Those of an architecture, in the order of the starts."""
+        return [run for run in self.all if run["architecture"] == architecture]
 
-    def mean(self, architecture: str, read: Callable[[FlipMetrics], float]) -> float:
-        """Its mean over the starts; nan where there is none."""
-        values = self.values(architecture, read)
-        return float(values.mean()) if values.size else float("nan")
+    def values(self, architecture: str, metric: str) -> np.ndarray:
+        """A metric of every start that was measured; of torques that of joint 2."""
+        values = np.array([run[metric] for run in self.of(architecture) if metric in run])
+        return values[:, JOINT_2] if values.ndim == 2 else values
+
+    def means(self, metric: str, architectures: Sequence[str]) -> dict[str, float]:
+        """Its means over the starts."""
+        return {name: float(self.values(name, metric).mean()) for name in architectures}
 
     def successes(self, architecture: str) -> tuple[int, int]:
         """(turned over, tried)."""
-        rows = [row for row in self.all if row.architecture == architecture]
-        return sum(row.outcome.success for row in rows), len(rows)
+        return sum(run["success"] for run in self.of(architecture)), len(self.of(architecture))
 
 
-def claims_of(rows: Sequence[Row]) -> list[Claim]:
-    """E1–E8; none unless all four architectures were run.  What lacks a measured run to compare is not judged."""
-    if {row.architecture for row in rows} != set(ARCHITECTURES):
+def claims_of(entries: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """E1–E8 of `runs` entries as the `claims` of summary.json; none unless all four architectures were run.
+
+    What lacks a measured run to compare is not judged.
+    """
+    if {run["architecture"] for run in entries} != set(ARCHITECTURES):
         return []
-    runs = Runs(rows)
-    judges = (_e1, _e2, _e3, _e4, _e5, _e6, _e7, _e8)
-    return [_judged(runs, id, judge) for id, judge in zip(TEXTS, judges, strict=True)]
+    claims, runs = [], Runs(entries)
+    numbers: dict[str, Any]
+    for id, (text, paper) in TEXTS.items():
+        needed = {"E1": (), "E2": ARCHITECTURES, "E6": (BOTH,)}.get(id, WITH_OBSERVER)
+        if absent := [name for name in needed if not runs.values(name, "position_rmse_m").size]:
+            holds, measured, numbers, difference = None, f"not judged: nothing measured of {', '.join(absent)}", {}, ""
+        else:
+            holds, measured, numbers, difference = JUDGES[id](runs)
+        claim = {"id": id, "text": text, "holds": holds, "measured": measured, "paper": paper}
+        claims.append(claim | {"numbers": numbers, "difference": difference})
+    return claims
 
 
-def _judged(runs: Runs, id: str, judge: Callable[[Runs], Claim]) -> Claim:
-    needed = {"E1": (), "E2": ARCHITECTURES, "E6": (BOTH,)}.get(id, (DOB, BOTH))
-    if absent := [name for name in needed if not runs.values(name, _position).size]:
-        return _claim(id, None, f"not judged: nothing measured of {', '.join(absent)}", {})
-    return judge(runs)
-
-
-def _claim(id: str, holds: bool | None, measured: str, numbers: dict[str, Any], difference: str = "") -> Claim:
-    text, paper = TEXTS[id]
-    return Claim(id, text, holds, measured, paper, numbers, difference)
-
-
-def _position(m: FlipMetrics) -> float:
-    return m.position_rmse_m
-
-
-def _e1(runs: Runs) -> Claim:
+def _e1(runs: Runs) -> Judgement:
     successes = {name: runs.successes(name) for name in ARCHITECTURES}
-    holds = all(successes[n][0] == successes[n][1] for n in (DOB, BOTH)) and all(successes[n][0] == 0 for n in (PD, FF))
+    holds = all(won == (tried if name in WITH_OBSERVER else 0) for name, (won, tried) in successes.items())
     measured = ", ".join(f"{name} {won} of {tried}" for name, (won, tried) in successes.items())
-    struck = sum("blade hit the table" in (row.outcome.failure or "") for row in runs.all)
-    lost = sum(not row.outcome.success for row in runs.all)
+    struck = sum("blade hit the table" in (run["failure"] or "") for run in runs.all)
+    lost = sum(not run["success"] for run in runs.all)
     reason = (
         f"in {struck} of the {lost} failures the blade struck the table first: without an observer gravity lets the arm"
         " sag during the hold by more than the clearance that was planned; the paper's block slid off"
-        if struck
-        else ""
     )
-    return _claim("E1", holds, measured, {"successes": successes, "struck_the_table": struck}, reason)
+    return holds, measured, {"successes": successes, "struck_the_table": struck}, reason if struck else ""
 
 
-def _e2(runs: Runs) -> Claim:
-    means = {name: runs.mean(name, _position) for name in ARCHITECTURES}
+def _e2(runs: Runs) -> Judgement:
+    means = runs.means("position_rmse_m", ARCHITECTURES)
     holds = max(means[DOB], means[BOTH]) * MUCH < min(means[PD], means[FF])
     measured = ", ".join(f"{name} {100 * value:.2f} cm" for name, value in means.items())
-    return _claim("E2", holds, measured, {"position_rmse_m": means})
+    return holds, measured, {"position_rmse_m": means}, ""
 
 
-def _e3(runs: Runs) -> Claim:
-    delays = {name: runs.mean(name, lambda m: m.velocity_delay_s) for name in (DOB, BOTH)}
+def _e3(runs: Runs) -> Judgement:
+    delays = runs.means("velocity_delay_s", WITH_OBSERVER)
     lags, leads = 0 < delays[DOB] <= SLIGHT, -SLIGHT <= delays[BOTH] < 0
-    measured = f"DOB {_lag(delays[DOB])}, FF+DOB {_lag(delays[BOTH])}"
+    said = {name: f"{'lags' if delay > 0 else 'leads'} {1000 * abs(delay):.1f} ms" for name, delay in delays.items()}
     difference = "" if leads else "FF shortens the lag; whether it becomes a lead depends on velocity filter and M_n"
     numbers = {"velocity_delay_s": delays, "lags": lags, "leads": leads}
-    return _claim("E3", lags and leads, measured, numbers, difference)
+    return lags and leads, f"DOB {said[DOB]}, FF+DOB {said[BOTH]}", numbers, difference
 
 
-def _lag(delay: float) -> str:
-    return f"{'lags' if delay > 0 else 'leads'} {1000 * abs(delay):.1f} ms"
-
-
-def _e4(runs: Runs) -> Claim:
-    means = {name: runs.mean(name, lambda m: m.endpoint_vibration_m_s) for name in (DOB, BOTH)}
+def _e4(runs: Runs) -> Judgement:
+    holds, means, _ = _less_with_ff(runs, "endpoint_vibration_m_s")
     measured = f"DOB {1000 * means[DOB]:.1f} mm/s, FF+DOB {1000 * means[BOTH]:.1f} mm/s, RMS over 0.2 s after the end"
-    return _claim("E4", _smaller(means[BOTH], means[DOB]), measured, {"endpoint_vibration_m_s": means})
+    return holds, measured, {"endpoint_vibration_m_s": means}, ""
 
 
-def _e5(runs: Runs) -> Claim:
-    means = {name: runs.mean(name, lambda m: m.acceleration_rmse_m_s2) for name in (DOB, BOTH)}
+def _e5(runs: Runs) -> Judgement:
+    why = "perhaps as our arm is rigid and its acceleration exact, while the paper's is derived from encoders"
+    holds, means, difference = _less_with_ff(runs, "acceleration_rmse_m_s2", (4.65, 4.81), why)
     measured = f"FF+DOB {means[BOTH]:.2f}, DOB {means[DOB]:.2f} m/s²"
-    difference = _factor(
-        (("with FF", means[BOTH], 4.65), ("without", means[DOB], 4.81)),
-        "perhaps as our arm is rigid and its acceleration exact, while the paper's is derived from encoders",
-    )
-    numbers = {"acceleration_rmse_m_s2": means}
-    return _claim("E5", _smaller(means[BOTH], means[DOB]), measured, numbers, difference)
+    return holds, measured, {"acceleration_rmse_m_s2": means}, difference
 
 
-def _e6(runs: Runs) -> Claim:
-    values = runs.values(BOTH, _position)
+def _e6(runs: Runs) -> Judgement:
+    values = runs.values(BOTH, "position_rmse_m")
     mean, sd = float(values.mean()), float(values.std(ddof=1)) if values.size > 1 else 0.0
-    last = float(values[-1])
-    complete = values.size == len(runs.starts)
-    difference = _factor((("mean", 100 * mean, 1.10),), "perhaps as our arm is rigid, without elastic gears")
-    measured = f"{100 * mean:.2f} ± {100 * sd:.2f} cm over {values.size} starts, last {100 * last:.2f} cm"
+    last, starts = float(values[-1]), len({run["start_y_m"] for run in runs.all})
+    difference = _factor({"mean": 100 * mean / 1.10}, "perhaps as our arm is rigid, without elastic gears")
     numbers = {"mean_m": mean, "sd_m": sd, "last_m": last, "position_rmse_m": values.tolist()}
-    if len(runs.starts) < 2:
-        return _claim("E6", None, f"not judged: {100 * mean:.2f} cm, a single start", numbers, difference)
-    return _claim("E6", complete and abs(last / mean - 1) <= HARDLY, measured, numbers, difference)
+    if starts < 2:
+        return None, f"not judged: {100 * mean:.2f} cm, a single start", numbers, difference
+    measured = f"{100 * mean:.2f} ± {100 * sd:.2f} cm over {values.size} starts, last {100 * last:.2f} cm"
+    return values.size == starts and abs(last / mean - 1) <= HARDLY, measured, numbers, difference
 
 
-def _e7(runs: Runs) -> Claim:
-    means = {name: runs.mean(name, lambda m: m.max_torque_Nm[JOINT_2]) for name in (DOB, BOTH)}
-    difference = _factor(
-        (("with FF", means[BOTH], 205.0), ("without", means[DOB], 224.0)),
-        "our link inertias and masses are estimates, and the paper does not say how its torque was measured",
-    )
+def _e7(runs: Runs) -> Judgement:
+    why = "our link inertias and masses are estimates, and the paper does not say how its torque was measured"
+    holds, means, difference = _less_with_ff(runs, "max_torque_Nm", (205.0, 224.0), why)
     measured = f"FF+DOB {means[BOTH]:.1f}, DOB {means[DOB]:.1f} N m"
-    return _claim("E7", _smaller(means[BOTH], means[DOB]), measured, {"max_torque_joint_2_Nm": means}, difference)
+    return holds, measured, {"max_torque_joint_2_Nm": means}, difference
 
 
-def _e8(runs: Runs) -> Claim:
-    plans = [row.outcome.plan for row in runs.rows if row.architecture == BOTH and row.outcome.plan]
+def _e8(runs: Runs) -> Judgement:
+    plans = [run["plan"] for run in runs.of(BOTH) if "position_rmse_m" in run and run["plan"]]
     cone = max(p["max_sliding_angle_rad"] / p["friction_angle_rad"] for p in plans)
     release = min(p["release_angle_rad"] for p in plans)
-    slip = max(float(runs.values(name, lambda m: m.max_slip_m).max()) for name in (DOB, BOTH))
-    restricted = cone < 1 and release > np.pi / 2
+    slip = max(float(runs.values(name, "max_slip_m").max()) for name in WITH_OBSERVER)
     won, tried = runs.successes(BOTH)
     measured = (
         f"planned |φ| up to {100 * cone:.0f} % of the friction angle until θ = {release:.2f} rad;"
         f" {won} of {tried} turned over, slip up to {1000 * slip:.1f} mm"
     )
-    numbers = {"cone_use": cone, "release_angle_rad": release, "max_slip_m": slip}
-    return _claim("E8", restricted and won == tried, measured, numbers)
+    holds = cone < 1 and release > np.pi / 2 and won == tried
+    return holds, measured, {"cone_use": cone, "release_angle_rad": release, "max_slip_m": slip}, ""
 
 
-def _smaller(a: float, b: float) -> bool:
-    return bool(a < b * (1 - DIFFERENT))
+def _less_with_ff(
+    runs: Runs, metric: str, paper: Sequence[float] = (), why: str = ""
+) -> tuple[bool, dict[str, float], str]:
+    """Whether a mean is less with FF, the means, and why they are off the paper's numbers with and without FF."""
+    means = runs.means(metric, WITH_OBSERVER)
+    pairs = zip(("with FF", "without"), (means[BOTH], means[DOB]), paper, strict=False)
+    return means[BOTH] < means[DOB] * (1 - DIFFERENT), means, _factor({name: a / b for name, a, b in pairs}, why)
 
 
-def _factor(pairs: Sequence[tuple[str, float, float]], why: str) -> str:
-    """The explanation, where one of (name, value, the paper's) is off by more than `FACTOR`."""
-    off = [
-        f"{name} × {value / stated:.2f}" for name, value, stated in pairs if not 1 / FACTOR <= value / stated <= FACTOR
-    ]
+def _factor(ratios: Mapping[str, float], why: str) -> str:
+    """The explanation, where a ratio of ours to the paper's number is off by more than `FACTOR`."""
+    off = [f"{name} × {ratio:.2f}" for name, ratio in ratios.items() if not 1 / FACTOR <= ratio <= FACTOR]
     return f"against the paper {', '.join(off)}: {why}" if off else ""
+
+
+JUDGES = dict(zip(TEXTS, (_e1, _e2, _e3, _e4, _e5, _e6, _e7, _e8), strict=True))

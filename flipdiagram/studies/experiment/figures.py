@@ -17,6 +17,7 @@ from flipdiagram.figures.style import GUIDE, LABELS, NAMES, RC, STYLES, WITH_OBS
 from flipdiagram.scenario.scenario import ARCHITECTURES
 from flipdiagram.simulation.recording_files import load_recording
 from flipdiagram.studies.experiment.run import recording_name
+from flipdiagram.studies.experiment.tables import QUANTITIES, quantity
 from flipdiagram.studies.study import Progress, Summary
 
 ByArchitecture = Mapping[str, Sequence[xr.Dataset]]
@@ -48,19 +49,16 @@ def plot_paths(recordings: ByArchitecture) -> Figure:
         ax.set_axis_off()
     for ax, name in zip(panels, names, strict=False):
         for k, data in enumerate(recordings[name]):
-            window = _motion(data)
+            window = data.sel(time=slice(0.0, data.attrs["end_time_s"]))
             ax.plot(*window["x_cmd"].values[:, :2].T, color="black", linewidth=0.8, label=None if k else "command")
             ax.plot(*window["x"].values[:, :2].T, **_line(name), label=None if k else "response")
             if (lost := dropped_at(data)) is not None:
                 y, z, _ = data["x"].sel(time=lost, method="nearest").values
                 ax.plot(y, z, "X", color="black", markersize=6, markerfacecolor=STYLES[name].color, linestyle="none")
-        ax.set_title(NAMES[name], color=STYLES[name].color, fontweight="bold", fontsize=10)
         ax.set_xlabel(LABELS["x"][0])
         ax.set_aspect("equal")
-        tidy(ax)
     panels[0].set_ylabel(LABELS["x"][1])
-    _legend(figure, panels[0])
-    return figure
+    return _finished(figure, panels, names)
 
 
 def plot_responses(recordings: ByArchitecture, quantity: str) -> Figure:
@@ -78,11 +76,8 @@ def plot_responses(recordings: ByArchitecture, quantity: str) -> Figure:
                 ax.plot(time, window[quantity].values[:, row], **_line(name), label=None if k else "response")
             if not column:
                 ax.set_ylabel(LABELS[quantity][row])
-            tidy(ax)
-        panels[column].set_title(NAMES[name], color=STYLES[name].color, fontweight="bold", fontsize=10)
         panels[2 * len(names) + column].set_xlabel("time [s]")
-    _legend(figure, panels[0])
-    return figure
+    return _finished(figure, panels, names)
 
 
 def plot_cone_use(recordings: ByArchitecture) -> Figure:
@@ -101,32 +96,23 @@ def plot_cone_use(recordings: ByArchitecture) -> Figure:
             ax.plot(time, window["cone_use_cmd"], color="black", linewidth=0.8, label="planned")
             ax.plot(time, window["cone_use"], **_line(name), label="realised")
         ax.axhline(1.0, **GUIDE)
-        ax.set_title(NAMES[name], color=STYLES[name].color, fontweight="bold", fontsize=10)
         ax.set(xlabel="time [s]", ylim=(0, 1.1))
-        tidy(ax)
     panels[0].set_ylabel("friction cone used [1]")
-    _legend(figure, panels[0])
-    return figure
+    return _finished(figure, panels, names)
 
 
 def plot_by_start(runs: Sequence[Mapping[str, Any]]) -> Figure:
     """Position RMSE, acceleration RMSE, joint-2 torque and velocity delay over the start; open marks: block lost."""
-    quantities = (
-        ("position RMSE [cm]", lambda run: 100 * run["position_rmse_m"]),
-        ("acceleration RMSE [m/s²]", lambda run: run["acceleration_rmse_m_s2"]),
-        ("joint 2, max [N m]", lambda run: run["max_torque_Nm"][1]),
-        ("velocity delay [ms]", lambda run: 1000 * run["velocity_delay_s"]),
-    )
     figure, panels = _panels(2, 2, (7.6, 5.2), share=False)
-    names = [name for name in ARCHITECTURES if any(run["architecture"] == name for run in runs)]
-    for ax, (label, read) in zip(panels, quantities, strict=True):
+    names = _known({run["architecture"]: run for run in runs})
+    for ax, label in zip(panels, QUANTITIES, strict=False):
         for name in names:
             mine = [run for run in runs if run["architecture"] == name and "position_rmse_m" in run]
-            starts = [100 * run["start_y_m"] for run in mine]
+            starts, values = [100 * run["start_y_m"] for run in mine], [quantity(run, label) for run in mine]
             colour = STYLES[name].color
             faces = [colour if run["success"] else "white" for run in mine]
-            ax.plot(starts, [read(run) for run in mine], color=colour, linewidth=1.0, zorder=2)
-            ax.scatter(starts, [read(run) for run in mine], c=faces, edgecolors=colour, zorder=3, label=NAMES[name])
+            ax.plot(starts, values, color=colour, linewidth=1.0, zorder=2)
+            ax.scatter(starts, values, c=faces, edgecolors=colour, zorder=3, label=NAMES[name])
         ax.set(ylabel=label)
         tidy(ax)
     mean, deviation = (100 * value for value in PAPER_RMSE)
@@ -154,16 +140,18 @@ def _panels(
         return figure, list(np.ravel(figure.subplots(rows, columns, sharey=share, sharex=share_x, squeeze=False)))
 
 
-def _motion(data: xr.Dataset) -> xr.Dataset:
-    return data.sel(time=slice(0.0, data.attrs["end_time_s"]))
-
-
 def _line(name: str) -> dict[str, Any]:
     return {"color": STYLES[name].color, "linewidth": 0.9, "alpha": 0.7}
 
 
-def _legend(figure: Figure, ax: Axes) -> None:
-    handles, labels = ax.get_legend_handles_labels()
+def _finished(figure: Figure, panels: Sequence[Axes], names: Sequence[str]) -> Figure:
+    """The figure with a grid in every panel, names above those of the architectures, and one legend."""
+    for ax in panels:
+        tidy(ax)
+    for ax, name in zip(panels, names, strict=False):
+        ax.set_title(NAMES[name], color=STYLES[name].color, fontweight="bold", fontsize=10)
+    handles, labels = panels[0].get_legend_handles_labels()
     for handle in handles[1:]:
         handle.set_alpha(1.0)
     figure.legend(handles, labels, loc="outside upper center", ncols=4, frameon=False)
+    return figure

@@ -35,10 +35,8 @@ def second_engine(runs: Sequence[tuple[str, float, Path]], jobs: int | None = No
     tasks = [(path, Settings()) for _, _, path in runs]
     varied = [(name, variant, path) for name, start, path in runs for variant in list(VARIANTS)[1:] if start == first]
     tasks += [(path, VARIANTS[variant]) for _, variant, path in varied]
-    verdicts: dict[int, dict[str, Any]] = {}
     with Workers(jobs) as workers:
-        for index, verdict in workers.results(_verdict, tasks):
-            verdicts[index] = verdict
+        verdicts: dict[int, dict[str, Any]] = dict(workers.results(_verdict, tasks))
     entries = [verdicts[k] for k in range(len(tasks))]
     return {
         "settings": Settings().settings_text(),

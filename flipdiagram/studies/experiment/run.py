@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import InputError
@@ -12,7 +11,7 @@ from flipdiagram.files import write_summary
 from flipdiagram.flips.flip import Flip
 from flipdiagram.flips.run import Progress, run_flips
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
-from flipdiagram.studies.experiment.claims import Row, claims_of
+from flipdiagram.studies.experiment.claims import claims_of, run_entry
 from flipdiagram.studies.experiment.mujoco import second_engine
 
 STARTS = (0.0, 0.02, 0.04, 0.06, 0.08, 0.10, 0.12, 0.14)
@@ -44,9 +43,7 @@ def run(
     """
     starts = tuple(starts) if starts is not None else QUICK_STARTS if quick else STARTS
     if not starts or len(set(starts)) != len(starts):
-        valid = "different numbers [m], at least one"
-        message = f"starts = {list(starts)} is not valid; valid are {valid}"
-        raise InputError(message, field="starts", value=list(starts), valid=valid)
+        raise InputError.of("starts", list(starts), "different numbers [m], at least one")
     folder = Path(out)
     flips = [
         Flip(scenario.with_overrides({"task.start_y": y}), name, recording_name(y, name))
@@ -55,24 +52,19 @@ def run(
     ]
     build_loop(flips[0].scenario, architectures[0])  # what is wrong with the scenario shows before anything is computed
     outcomes = run_flips(flips, folder, jobs=jobs, progress=progress)
-    rows = [Row(f.scenario.task.start_y, f.architecture, outcome) for f, outcome in zip(flips, outcomes, strict=True)]
+    runs = [run_entry(f.scenario.task.start_y, f.architecture, out) for f, out in zip(flips, outcomes, strict=True)]
     recorded = [
-        (row.architecture, row.start_y, folder / recording_name(row.start_y, row.architecture))
-        for row in rows
-        if row.outcome.metrics is not None
+        (flip.architecture, flip.scenario.task.start_y, folder / str(flip.recording))
+        for flip, outcome in zip(flips, outcomes, strict=True)
+        if outcome.metrics is not None
     ]
     progress("the same motions in MuJoCo")
-    engines = second_engine(recorded, jobs)
-    write_summary(folder / "summary.json", "experiment", scenario, body(rows, quick=quick, engines=engines))
-
-
-def body(rows: Sequence[Row], *, quick: bool = False, engines: dict[str, Any] | None = None) -> dict[str, Any]:
-    """The body of summary.json.  engines: verdicts of MuJoCo beside Drake's; None where it is not installed."""
-    return {
+    body = {
         "quick": quick,
-        "starts_y_m": list(dict.fromkeys(row.start_y for row in rows)),
-        "architectures": list(dict.fromkeys(row.architecture for row in rows)),
-        "runs": [row.as_dict() for row in rows],
-        "claims": [claim.as_dict() for claim in claims_of(rows)],
-        "second_engine": engines,
+        "starts_y_m": list(dict.fromkeys(run["start_y_m"] for run in runs)),
+        "architectures": list(dict.fromkeys(run["architecture"] for run in runs)),
+        "runs": runs,
+        "claims": claims_of(runs),
+        "second_engine": second_engine(recorded, jobs),
     }
+    write_summary(folder / "summary.json", "experiment", scenario, body)

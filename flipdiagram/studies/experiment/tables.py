@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -19,24 +19,21 @@ PAPER = {
     "vibration after the end [mm/s]": {"pd+dob": "visible", "pd+ff+dob": "less"},
 }
 """What section IV-B of the paper states."""
-READ: dict[str, Callable[[Mapping[str, Any]], float]] = {
-    "position RMSE [cm]": lambda run: _times(100, run["position_rmse_m"]),
-    "acceleration RMSE [m/s²]": lambda run: _times(1, run["acceleration_rmse_m_s2"]),
-    "joint 2, max [N m]": lambda run: _times(1, run["max_torque_Nm"][1]),
-    "velocity delay [ms]": lambda run: _times(1000, run["velocity_delay_s"]),
-    "vibration after the end [mm/s]": lambda run: _times(1000, run["endpoint_vibration_m_s"]),
-    "slip, largest [mm]": lambda run: _times(1000, run["max_slip_m"]),
+QUANTITIES = {
+    "position RMSE [cm]": ("position_rmse_m", 100.0),
+    "acceleration RMSE [m/s²]": ("acceleration_rmse_m_s2", 1.0),
+    "joint 2, max [N m]": ("max_torque_Nm", 1.0),
+    "velocity delay [ms]": ("velocity_delay_s", 1000.0),
+    "vibration after the end [mm/s]": ("endpoint_vibration_m_s", 1000.0),
+    "slip, largest [mm]": ("max_slip_m", 1000.0),
 }
+"""By their labels: metrics of the runs and the factors to the units shown."""
 
 
 def tables(summary: Summary) -> list[Grid | str | None]:
     """What a terminal shows."""
-    return [
-        runs_grid(summary),
-        claims_grid(summary),
-        engine_grid(summary),
-        "a quick run: two starts only" if summary["quick"] else None,
-    ]
+    quick = "a quick run: two starts only" if summary["quick"] else None
+    return [runs_grid(summary), claims_grid(summary), engine_grid(summary), quick]
 
 
 def runs_grid(summary: Summary) -> Grid:
@@ -44,8 +41,8 @@ def runs_grid(summary: Summary) -> Grid:
     names = summary["architectures"]
     runs = {name: [run for run in summary["runs"] if run["architecture"] == name] for name in names}
     rows = [["turned over", *(f"{sum(r['success'] for r in runs[name])} of {len(runs[name])}" for name in names)]]
-    for label, read in READ.items():
-        measured = {name: [read(run) for run in runs[name] if "position_rmse_m" in run] for name in names}
+    for label in QUANTITIES:
+        measured = {name: [quantity(run, label) for run in runs[name] if "position_rmse_m" in run] for name in names}
         rows.append([label, *(_spread(measured[name]) for name in names)])
     for row in rows:
         stated = PAPER.get(row[0], {})
@@ -54,8 +51,10 @@ def runs_grid(summary: Summary) -> Grid:
     return Grid(["", *(f"`{name}`" for name in names), "the paper"], rows, title=f"starts at y = {starts} cm")
 
 
-def _times(factor: float, value: float | None) -> float:
-    # summary.json writes nan, such as the slip of a block that was lost before the motion, as null
+def quantity(run: Mapping[str, Any], label: str) -> float:
+    """One of `QUANTITIES` of a measured run; nan for null, such as the slip of a block lost before the motion."""
+    metric, factor = QUANTITIES[label]
+    value = run[metric][1] if metric == "max_torque_Nm" else run[metric]
     return float("nan") if value is None else factor * value
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy import signal
 
@@ -16,13 +14,8 @@ PER_DECADE = 16
 """Bins a decade into which the spectral lines are averaged."""
 
 
-@dataclass(frozen=True)
-class Spectrum:
-    """Gain |S_nx / S_nn| [s] of velocity noise to position at omega [rad/s], averaged over log-spaced bins."""
-
-    omega: Floats
-    gain: Floats
-    segments: int
+Spectrum = tuple[Floats, Floats, int]
+"""omega [rad/s], the gain |S_nx / S_nn| [s] of velocity noise to position averaged over log-spaced bins, segments."""
 
 
 def noise_spectrum(laboratory: Laboratory, loop: Loop) -> Spectrum:
@@ -51,4 +44,4 @@ def gain_spectrum(noise: Floats, x: Floats, period: float, highest: float) -> Sp
     bins = [i for i in range(count) if (place == i).any()]
     centre = np.array([np.exp(np.mean(np.log(omega[place == i]))) for i in bins])
     mean = np.array([np.sqrt(np.mean(gain[place == i] ** 2)) for i in bins])
-    return Spectrum(centre, mean, 2 * len(noise) // SEGMENT - 1)
+    return centre, mean, 2 * len(noise) // SEGMENT - 1

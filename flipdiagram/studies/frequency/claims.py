@@ -7,8 +7,8 @@ Figs 5 and 6 of the acceleration; phases come from the fundamental.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from flipdiagram.arrays import Floats
 from flipdiagram.studies.frequency.laboratory import WITH_OBSERVER, Loop, Measured
 from flipdiagram.studies.frequency.sweep import Response
 
+PD, FF = ("pd", 0.0), ("pd+ff", 0.0)
 HALF_POWER = math.sqrt(0.5)
 """Gain at which the bandwidth ends."""
 FOLLOWS = 0.05
@@ -51,21 +52,15 @@ TEXTS = {
 }
 
 
-@dataclass(frozen=True)
-class Claim:
-    """One row of the claims table: whether it holds, and the numbers that say so."""
-
-    id: str
-    holds: bool
-    measured: dict[str, Any]
-
-    def as_dict(self) -> dict[str, Any]:
-        """The `claims` entry of summary.json."""
-        return {"id": self.id, "claim": TEXTS[self.id], "holds": self.holds, "measured": self.measured}
+Verdict = tuple[bool, dict[str, Any]]
+"""Whether a claim holds, and the numbers that say so."""
 
 
-def evaluate(measured: Measured) -> list[Claim]:
-    """C1 to C14.  A claim about a loop that is unstable does not hold, and says which loop."""
+def evaluate(measured: Measured) -> list[dict[str, Any]]:
+    """C1 to C14 as the `claims` of summary.json.
+
+    A claim about a loop that is unstable does not hold, and says which loop.
+    """
     claims = []
     for name, judge in JUDGES.items():
         try:
@@ -74,7 +69,7 @@ def evaluate(measured: Measured) -> list[Claim]:
             if (key := missing.args[0]) not in measured.unstable:
                 raise
             holds, numbers = False, {"unstable": measured.unstable[key]}
-        claims.append(Claim(name, bool(holds), numbers))
+        claims.append({"id": name, "claim": TEXTS[name], "holds": bool(holds), "measured": numbers})
     return claims
 
 
@@ -100,110 +95,103 @@ def band(omega: Floats, values: Floats, level: float) -> float | None:
     return float(omega[k - 1] * (omega[k] / omega[k - 1]) ** part)
 
 
-def _bandwidth(response: Response) -> float | None:
-    return band(response.omega, acceleration_gain(response), HALF_POWER)
+def _bandwidths(responses: Mapping[Loop, Response], loops: Iterable[Loop]) -> list[float | None]:
+    return [band(r.omega, acceleration_gain(r), HALF_POWER) for r in map(responses.__getitem__, loops)]
 
 
-def _lag_band(response: Response) -> float | None:
-    return band(response.omega, phase(response), -SMALL_LAG)
+def _lag_bands(m: Measured, loops: Iterable[Loop]) -> list[float | None]:
+    return [band(m.omega, phase(m.friction[loop]), -SMALL_LAG) for loop in loops]
 
 
-def _ratio(wide: float | None, narrow: float | None, highest: float) -> float:
+def _ratio(m: Measured, wide: float | None, narrow: float | None) -> float:
     """Ratio of two bands; one that never ends in the range counts as the highest frequency measured."""
+    highest = float(m.omega[-1])
     return (wide or highest) / (narrow or highest)
 
 
-def _paper(measured: Measured) -> tuple[Loop, Loop, Loop, Loop]:
+def _rises(values: Sequence[float]) -> bool:
+    return all(b > (1 + NOTICEABLE) * a for a, b in pairwise(values))
+
+
+def _paper(m: Measured) -> tuple[Loop, Loop, Loop, Loop]:
     """The four architectures with the g_dis of the settings."""
-    g = measured.settings.g_dis
-    return ("pd", 0.0), ("pd+ff", 0.0), ("pd+dob", g), ("pd+ff+dob", g)
+    g = m.settings.g_dis
+    return PD, FF, ("pd+dob", g), ("pd+ff+dob", g)
 
 
-def _cut_offs(measured: Measured) -> list[float]:
-    return sorted({measured.settings.g_dis, *measured.study.g_dis})
-
-
-Verdict = tuple[bool, dict[str, Any]]
+def _cut_offs(m: Measured) -> list[float]:
+    return sorted({m.settings.g_dis, *m.study.g_dis})
 
 
 def _c1(m: Measured) -> Verdict:
-    response = m.linear["pd", 0.0]
-    low, ends = float(acceleration_gain(response)[0]), _bandwidth(response)
+    low, (ends,) = float(acceleration_gain(m.linear[PD])[0]), _bandwidths(m.linear, [PD])
     return abs(low - 1) < FOLLOWS and ends is not None, {"gain_at_lowest": low, "bandwidth_rad_s": ends}
 
 
 def _c2(m: Measured) -> Verdict:
-    pd, _, dob, _ = (_bandwidth(m.linear[loop]) for loop in _paper(m))
-    ratio = _ratio(dob, pd, float(m.linear["pd", 0.0].omega[-1]))
+    pd, _, dob, _ = _bandwidths(m.linear, _paper(m))
+    ratio = _ratio(m, dob, pd)
     return A_BIT[0] < ratio < A_BIT[1], {"pd_rad_s": pd, "pd+dob_rad_s": dob, "ratio": ratio}
 
 
-def _c3(m: Measured) -> Verdict:
-    highest = float(m.linear["pd", 0.0].omega[-1])
-    pd, ff, dob, both = (_bandwidth(m.linear[loop]) for loop in _paper(m))
-    ratios = _ratio(ff, pd, highest), _ratio(both, dob, highest)
-    numbers = {"pd+ff_rad_s": ff, "pd+ff+dob_rad_s": both, "highest_rad_s": highest}
+def _widely(m: Measured, bands: Sequence[float | None]) -> Verdict:
+    """Whether feed-forward widens the band without and with the observer; bands as of `_paper`."""
+    pd, ff, dob, both = bands
+    ratios = _ratio(m, ff, pd), _ratio(m, both, dob)
+    numbers = {"pd_rad_s": pd, "pd+ff_rad_s": ff, "pd+dob_rad_s": dob, "pd+ff+dob_rad_s": both}
     return min(ratios) > WIDELY, numbers | {"ratio_without_dob": ratios[0], "ratio_with_dob": ratios[1]}
+
+
+def _c3(m: Measured) -> Verdict:
+    holds, numbers = _widely(m, _bandwidths(m.linear, _paper(m)))
+    del numbers["pd_rad_s"], numbers["pd+dob_rad_s"]  # they are C2's
+    return holds, numbers | {"highest_rad_s": float(m.omega[-1])}
 
 
 def _c4(m: Measured) -> Verdict:
     gains, similar = {}, True
-    for loop in _paper(m):
-        rough, smooth = m.friction[loop], m.linear[loop]
-        low = float(acceleration_gain(rough)[0]), float(acceleration_gain(smooth)[0])
+    rough, smooth = (_bandwidths(responses, _paper(m)) for responses in (m.friction, m.linear))
+    for loop, *bandwidths in zip(_paper(m), rough, smooth, strict=True):
+        low = [float(acceleration_gain(responses[loop])[0]) for responses in (m.friction, m.linear)]
         gains[loop[0]] = {"with_friction": low[0], "without": low[1]}
-        ratio = _ratio(_bandwidth(rough), _bandwidth(smooth), float(rough.omega[-1]))
-        similar &= abs(math.log(ratio)) < 0.1
+        similar &= abs(math.log(_ratio(m, *bandwidths))) < 0.1
     larger = all(gain["with_friction"] > (1 + NOTICEABLE) * gain["without"] for gain in gains.values())
-    omega = float(m.friction["pd", 0.0].omega[0])
-    numbers = {"omega_rad_s": omega, "gain_at_lowest": gains, "bandwidths_within_10_percent": similar}
+    numbers = {"omega_rad_s": float(m.omega[0]), "gain_at_lowest": gains, "bandwidths_within_10_percent": similar}
     return larger and similar, numbers | {"friction_model": m.settings.friction_model}
 
 
 def _c5(m: Measured) -> Verdict:
     pd, _, dob, _ = (m.linear[loop] for loop in _paper(m))
     ratio = dob.rms_error / pd.rms_error
-    above = pd.omega > m.settings.g_dis
+    above = m.omega > m.settings.g_dis
     k = int(np.argmax(np.where(above, ratio, 0.0)))
     holds = ratio[0] < 1 - NOTICEABLE and ratio[k] > 1 + NOTICEABLE
     numbers = {"pd_at_lowest_m": float(pd.rms_error[0]), "pd+dob_at_lowest_m": float(dob.rms_error[0])}
-    return holds, numbers | {"largest_ratio_above_g_dis": float(ratio[k]), "at_rad_s": float(pd.omega[k])}
+    return holds, numbers | {"largest_ratio_above_g_dis": float(ratio[k]), "at_rad_s": float(m.omega[k])}
 
 
 def _c6(m: Measured) -> Verdict:
     pd, ff, _, both = (m.linear[loop] for loop in _paper(m))
-    ends = _bandwidth(pd) or float(pd.omega[-1])
-    k = min(int(np.searchsorted(pd.omega, 10 * ends)), len(pd.omega) - 1)
+    ends = _bandwidths(m.linear, [PD])[0] or float(m.omega[-1])
+    k = min(int(np.searchsorted(m.omega, 10 * ends)), len(m.omega) - 1)
     holds = ff.rms_error[0] > (1 + NOTICEABLE) * both.rms_error[0] and ff.rms_error[k] < 0.1 * pd.rms_error[k]
     numbers = {"pd+ff_at_lowest_m": float(ff.rms_error[0]), "pd+ff+dob_at_lowest_m": float(both.rms_error[0])}
-    numbers |= {"high_rad_s": float(pd.omega[k]), "pd+ff_at_high_m": float(ff.rms_error[k])}
+    numbers |= {"high_rad_s": float(m.omega[k]), "pd+ff_at_high_m": float(ff.rms_error[k])}
     return holds, numbers | {"pd_at_high_m": float(pd.rms_error[k])}
 
 
 def _c7(m: Measured) -> Verdict:
-    bands = [_lag_band(m.friction["pd", 0.0])]
-    bands += [_lag_band(m.friction["pd+dob", g]) for g in _cut_offs(m)]
-    highest = float(m.friction["pd", 0.0].omega[-1])
-    sizes = [value or highest for value in bands]
-    holds = all(b > (1 + NOTICEABLE) * a for a, b in zip(sizes, sizes[1:], strict=False))
-    return holds, {"lag_rad": SMALL_LAG, "g_dis_rad_s": [0.0, *_cut_offs(m)], "band_rad_s": bands}
-
-
-def _c8(m: Measured) -> Verdict:
-    highest = float(m.friction["pd", 0.0].omega[-1])
-    pd, ff, dob, both = (_lag_band(m.friction[loop]) for loop in _paper(m))
-    ratios = _ratio(ff, pd, highest), _ratio(both, dob, highest)
-    numbers = {"pd_rad_s": pd, "pd+ff_rad_s": ff, "pd+dob_rad_s": dob, "pd+ff+dob_rad_s": both}
-    return min(ratios) > WIDELY, numbers | {"ratio_without_dob": ratios[0], "ratio_with_dob": ratios[1]}
+    bands = _lag_bands(m, [PD, *(("pd+dob", g) for g in _cut_offs(m))])
+    numbers = {"lag_rad": SMALL_LAG, "g_dis_rad_s": [0.0, *_cut_offs(m)], "band_rad_s": bands}
+    return _rises([value or float(m.omega[-1]) for value in bands]), numbers
 
 
 def _c9(m: Measured) -> Verdict:
     leads = [phase(m.friction[loop]) for loop in _paper(m)]
     k = int(np.argmax(leads[3]))
-    omega = m.friction["pd", 0.0].omega
     others = max(float(lead[k]) for lead in leads[:3])
-    holds = leads[3][k] > NOTICEABLE and leads[3][k] > others and 0 < k < len(omega) - 1
-    return holds, {"lead_rad": float(leads[3][k]), "at_rad_s": float(omega[k]), "others_there_rad": others}
+    holds = leads[3][k] > NOTICEABLE and leads[3][k] > others and 0 < k < len(m.omega) - 1
+    return holds, {"lead_rad": float(leads[3][k]), "at_rad_s": float(m.omega[k]), "others_there_rad": others}
 
 
 def _moves(m: Measured, panel: int, sense: int) -> Verdict:
@@ -240,31 +228,22 @@ def _c12(m: Measured) -> Verdict:
 
 
 def _c13(m: Measured) -> Verdict:
-    gain = {loop: response.peak_x for loop, response in m.noise.items()}
-    ratios = [float(np.max(m.noise["pd+dob", g].peak_x / gain["pd", 0.0])) for g in _cut_offs(m)]
-    rising = all(b > (1 + NOTICEABLE) * a for a, b in zip(ratios, ratios[1:], strict=False))
-    return rising and ratios[0] > 1 + NOTICEABLE, {"g_dis_rad_s": _cut_offs(m), "largest_ratio_to_pd": ratios}
+    ratios = [float(np.max(m.noise["pd+dob", g].peak_x / m.noise[PD].peak_x)) for g in _cut_offs(m)]
+    return _rises([1.0, *ratios]), {"g_dis_rad_s": _cut_offs(m), "largest_ratio_to_pd": ratios}
 
 
 def _c14(m: Measured) -> Verdict:
-    pairs = [(("pd+ff", 0.0), ("pd", 0.0))] + [(("pd+ff+dob", g), ("pd+dob", g)) for g in _cut_offs(m)]
+    pairs = [(FF, PD)] + [(("pd+ff+dob", g), ("pd+dob", g)) for g in _cut_offs(m)]
     worst = max(float(np.max(np.abs(m.noise[a].peak_x / m.noise[b].peak_x - 1))) for a, b in pairs)
     return worst < SAME, {"largest_relative_difference": worst}
 
 
-JUDGES: dict[str, Callable[[Measured], Verdict]] = {
-    "C1": _c1,
-    "C2": _c2,
-    "C3": _c3,
-    "C4": _c4,
-    "C5": _c5,
-    "C6": _c6,
-    "C7": _c7,
-    "C8": _c8,
-    "C9": _c9,
-    "C10": lambda m: _moves(m, 0, -1),
-    "C11": lambda m: _moves(m, 2, 1),
-    "C12": _c12,
-    "C13": _c13,
-    "C14": _c14,
-}
+_JUDGES: tuple[Callable[[Measured], Verdict], ...] = (
+    *(_c1, _c2, _c3, _c4, _c5, _c6, _c7),
+    lambda m: _widely(m, _lag_bands(m, _paper(m))),
+    _c9,
+    lambda m: _moves(m, 0, -1),
+    lambda m: _moves(m, 2, 1),
+    *(_c12, _c13, _c14),
+)
+JUDGES = dict(zip(TEXTS, _JUDGES, strict=True))

@@ -19,8 +19,8 @@ from flipdiagram.diagrams.one_dof import build_controller, build_experiment, bui
 from flipdiagram.errors import SimulationError
 from flipdiagram.scenario.one_dof import Frequency, OneDof
 from flipdiagram.scenario.scenario import ARCHITECTURES
-from flipdiagram.studies.frequency.periodicity import Repetition, repetitions
-from flipdiagram.studies.frequency.sweep import Response, measure, settling_ticks
+from flipdiagram.studies.frequency.periodicity import repetitions
+from flipdiagram.studies.frequency.sweep import Response, Windows, measure, settling_ticks
 from flipdiagram.theory.contact import GRAVITY_Z
 from flipdiagram.theory.transfer import Loop1Dof, unstable
 
@@ -49,9 +49,15 @@ class Measured:
     torque: dict[str, Floats] = field(default_factory=dict)
     unstable: dict[Loop, str] = field(default_factory=dict)
 
-    def theory(self, loop: Loop) -> Loop1Dof:
-        """The closed form, sampled, of one of the four architectures."""
-        return closed_form(self.settings, loop)
+    @property
+    def kinds(self) -> dict[Kind, dict[Loop, Response]]:
+        """The responses by what drove the loops."""
+        return {"linear": self.linear, "friction": self.friction, "noise": self.noise}
+
+    @property
+    def omega(self) -> Floats:
+        """The frequencies of all responses [rad/s]."""
+        return np.asarray(self.study.frequencies(), dtype=float)
 
 
 class Laboratory:
@@ -70,9 +76,8 @@ class Laboratory:
         controllers: Mapping[str, Factory] | None = None,
         *,
         lenient: bool = False,
-        threads: int | None = None,
     ) -> None:
-        self.settings, self.study, self.lenient, self.threads = settings, study, lenient, threads
+        self.settings, self.study, self.lenient = settings, study, lenient
         self.controllers = dict(controllers or {name: partial(build_controller, name) for name in ARCHITECTURES})
         self.steps, self.sweep_steps, self.seconds = 0, 0, 0.0
         self.unstable: dict[Loop, str] = {}
@@ -83,35 +88,48 @@ class Laboratory:
         """Every controller; those with an observer once per g_dis."""
         return [(name, g) for name in self.controllers for g in (g_dis if name in WITH_OBSERVER else (0.0,))]
 
-    def command(self, loops: Sequence[Loop], omega: ArrayLike, *, friction: bool = False) -> dict[Loop, Response]:
-        """Responses to x_cmd = −sin ωt, with gravity, and with the settings' friction where asked for."""
-        return self._sweep(loops, omega, "friction" if friction else "linear")
+    def responses(self, loops: Sequence[Loop], omega: ArrayLike, kind: Kind = "linear") -> dict[Loop, Response]:
+        """Responses to x_cmd = −sin ωt, with gravity, and for "friction" with the settings' friction.
 
-    def noise(self, loops: Sequence[Loop], omega: ArrayLike) -> dict[Loop, Response]:
-        """Responses to v_noise = sin ωt of the study's amplitude, x_cmd = 0, without friction."""
-        return self._sweep(loops, omega, "noise")
+        For "noise" those to v_noise = sin ωt of the study's amplitude, with x_cmd = 0, without friction.
+        """
+        responses: dict[Loop, Response] = {}
+        w = np.atleast_1d(np.asarray(omega, dtype=float))
+        stable, study = self.stable(loops), self.study
+        for name in dict.fromkeys(name for name, _ in stable):
+            group = [loop for loop in stable if loop[0] == name]
+            compiled, each = self.compiled(name), np.tile(w, len(group))
+            settling = np.repeat([settling_ticks(self._pole(loop), self.settings.step) for loop in group], len(w))
+            parameters = {key: np.repeat(value, len(w)) for key, value in self._parameters(group, kind).items()}
+            begin = time.perf_counter()
+            windows = Windows(compiled, each, parameters, settling, name=name)
+            response = measure(windows, tolerance=study.tolerance, most_windows=study.most_windows)
+            self.seconds += time.perf_counter() - begin
+            self.steps, self.sweep_steps = self.steps + windows.steps, self.sweep_steps + windows.steps
+            for i, loop in enumerate(group):
+                responses[loop] = response.select(slice(i * len(w), (i + 1) * len(w)))
+        return responses
 
-    def repetitions(self, loop: Loop, response: Response, kind: Kind) -> list[Repetition]:
-        """What the unsteady channels of a response do, in their order: one of `command` or `noise`."""
+    def repetitions(self, loop: Loop, response: Response, kind: Kind) -> list[dict[str, Any]]:
+        """What the unsteady channels of a response do, in their order: one of `responses`."""
         unsteady = response.select(~response.steady)
         if not unsteady.omega.size:
             return []
         settling = settling_ticks(self._pole(loop), self.settings.step)
         parameters = self._parameters([loop], kind)
-        options: dict[str, Any] = {"tolerance": self.study.tolerance, "name": loop[0], "threads": self.threads}
-        compiled = self.compiled(loop[0])
-        verdicts, steps = repetitions(compiled, unsteady.omega, unsteady.ticks, parameters, settling, **options)
+        channels = self.compiled(loop[0]), unsteady.omega, unsteady.ticks, parameters, settling
+        verdicts, steps = repetitions(*channels, tolerance=self.study.tolerance, name=loop[0])
         self.steps += steps
         return verdicts
 
-    def broadband(self, loop: Loop, ticks: int, settling: float = 2.0) -> tuple[Floats, Floats]:
-        """(noise [m/s], x [m]), one sample a tick, under white velocity noise, x_cmd = 0, after settling [s]."""
+    def broadband(self, loop: Loop, ticks: int) -> tuple[Floats, Floats]:
+        """(noise [m/s], x [m]), one sample a tick, under white velocity noise, x_cmd = 0, after 2 s."""
         compiled = self.compiled(loop[0])
         given = self._parameters([loop], "linear") | {"command.amplitude": 0.0}
         given["white_noise.rms"] = self.study.noise_amplitude
-        first = compiled.run(math.ceil(settling / self.settings.step), parameters=given, threads=1)
-        begin: dict[str, Any] = {"state": first.final, "start": first.ticks}
-        run = compiled.run(ticks, parameters=given, log=("white_noise", "x"), threads=1, **begin)
+        first = compiled.run(math.ceil(2.0 / self.settings.step), parameters=given, threads=1)
+        more: Any = {"log": ("white_noise", "x"), "threads": 1}
+        run = compiled.run(ticks, parameters=given, state=first.final, start=first.ticks, **more)
         self.steps += int(run.ticks.sum())
         return run.log["white_noise"][0, :ticks, 0], run.log["x"][0, :ticks, 0]
 
@@ -137,24 +155,6 @@ class Laboratory:
                     raise
                 self.unstable[loop] = str(error)
         return stable
-
-    def _sweep(self, loops: Sequence[Loop], omega: ArrayLike, kind: Kind) -> dict[Loop, Response]:
-        responses: dict[Loop, Response] = {}
-        w = np.atleast_1d(np.asarray(omega, dtype=float))
-        stable, study = self.stable(loops), self.study
-        for name in dict.fromkeys(name for name, _ in stable):
-            group = [loop for loop in stable if loop[0] == name]
-            compiled, each = self.compiled(name), np.tile(w, len(group))
-            settling = np.repeat([settling_ticks(self._pole(loop), self.settings.step) for loop in group], len(w))
-            parameters = {key: np.repeat(value, len(w)) for key, value in self._parameters(group, kind).items()}
-            options: dict[str, Any] = {"tolerance": study.tolerance, "most_windows": study.most_windows}
-            begin = time.perf_counter()
-            response = measure(compiled, each, parameters, settling, name=name, threads=self.threads, **options)
-            self.seconds += time.perf_counter() - begin
-            self.steps, self.sweep_steps = self.steps + response.steps, self.sweep_steps + response.steps
-            for i, loop in enumerate(group):
-                responses[loop] = response.select(slice(i * len(w), (i + 1) * len(w)))
-        return responses
 
     def _parameters(self, group: Sequence[Loop], kind: Kind) -> dict[str, Floats]:
         """Numeric parameters that differ between loops of one controller and experiments, one per loop."""

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -27,24 +26,6 @@ LARGEST_ORDER = 8
 """Largest number of windows after which a subharmonic is looked for; a third of MOST_WINDOWS."""
 SHRINKS = 0.5
 """Differences of successive windows that fall to this part from the first third to the last are settling."""
-
-
-@dataclass(frozen=True)
-class Repetition:
-    """What one channel does where its window is a whole number of periods and of ticks.
-
-    verdict: "periodic", every window reads the same; "subharmonic", only every p-th does; "settling", the windows still
-    approach each other; "not periodic", none of these within MOST_WINDOWS.
-    omega: the frequency driven [rad/s]; periods: of the command, after which the readings repeat, None where they do
-    not; windows: looked at, or for "settling" the number after which they will agree, judged from their decay;
-    spread: relative difference left between windows that should be equal.
-    """
-
-    verdict: Verdict
-    omega: float
-    periods: int | None
-    windows: int
-    spread: float
 
 
 def whole_frequency(omega: ArrayLike, ticks: ArrayLike, period: float) -> tuple[Floats, np.ndarray]:
@@ -63,15 +44,20 @@ def repetitions(
     *,
     tolerance: float,
     name: str = "loop",
-    threads: int | None = None,
-) -> tuple[list[Repetition], int]:
-    """Judge channels that `sweep.measure` found unsteady; returns a verdict for each, and the channel-steps used.
+) -> tuple[list[dict[str, Any]], int]:
+    """Judge channels that `sweep.measure` found unsteady: an entry for each, and the channel-steps used.
 
-    ticks (n,): samples of the windows they were measured in; the other arguments as for `sweep.measure`.
+    verdict: "periodic", every window reads the same; "subharmonic", only every p-th does; "settling", the windows still
+    approach each other; "not periodic", none of these within MOST_WINDOWS.  judged_at_omega_rad_s: the frequency
+    driven; repeats_after_periods: of the command, None where readings do not repeat; windows: looked at, or for
+    "settling" the number after which they will agree, judged from their decay; spread_there: relative difference left
+    between windows that should be equal.
+
+    ticks (n,): samples of the windows they were measured in; the other arguments as for `sweep.Windows`.
     Raises SimulationError where a loop diverges.
     """
     whole, m = whole_frequency(omega, ticks, loop.period)
-    windows = Windows(loop, whole, parameters, settling, ticks=ticks, name=name, threads=threads)
+    windows = Windows(loop, whole, parameters, settling, ticks=ticks, name=name)
     readings: list[list[Complex]] = [[] for _ in whole]
     active = np.arange(len(whole))
     for _ in range(MOST_WINDOWS):
@@ -83,12 +69,14 @@ def repetitions(
     verdicts = []
     for k, series in enumerate(readings):
         verdict, order, count, spread = judge(series, tolerance)
-        verdicts.append(Repetition(verdict, float(whole[k]), order * int(m[k]) if order else None, count, spread))
+        entry: dict[str, Any] = {"verdict": verdict, "judged_at_omega_rad_s": float(whole[k])}
+        entry |= {"repeats_after_periods": order * int(m[k]) if order else None}
+        verdicts.append(entry | {"windows": count, "spread_there": spread})
     return verdicts, windows.steps
 
 
 def judge(series: Sequence[Complex], tolerance: float) -> tuple[Verdict, int | None, int, float]:
-    """(verdict, p, windows, spread) of successive readings, each of shape (q,); see Repetition.
+    """(verdict, p, windows, spread) of successive readings, each of shape (q,); see `repetitions`.
 
     Readings repeat after p windows where those p apart differ by at most the tolerance, relatively, p times in a row
     and at least twice.  A p above 1 counts only where successive windows do not approach each other as well, for they

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from flipdiagram.scenario.one_dof import Frequency, OneDof
-from flipdiagram.studies.frequency.claims import Claim, evaluate
+from flipdiagram.studies.frequency.claims import evaluate
 from flipdiagram.studies.frequency.laboratory import WITH_OBSERVER, Laboratory, Measured
 
+Progress = Callable[[str], None]
 BEYOND = 3.0
 """A fourth frequency of Fig. 9, as a multiple of g_dis, where C12 is tried beyond the three panels."""
 TEXTBOOK = {
@@ -35,28 +35,6 @@ LOWEST, COUNT, CUT_OFFS, TOLERANCE = 1.0, 28, 9, 1e-4
 """The table is measured on fewer frequencies [rad/s] and cut-offs, and to a coarser tolerance, than the figures."""
 
 
-@dataclass(frozen=True)
-class Realisation:
-    """One row of the table realisation × claim."""
-
-    name: str
-    settings: OneDof
-    claims: list[Claim]
-    unstable: list[str]
-
-    @property
-    def count(self) -> int:
-        """How many claims hold."""
-        return sum(claim.holds for claim in self.claims)
-
-    def as_dict(self) -> dict[str, Any]:
-        """The `realisations` entry of summary.json."""
-        holds = {claim.id: claim.holds for claim in self.claims}
-        return {"name": self.name, "observer": observer(self.settings), "holding": self.count, "holds": holds} | {
-            "unstable": self.unstable
-        }
-
-
 def observer(settings: OneDof) -> dict[str, Any]:
     """The `observer` entry of summary.json."""
     return {
@@ -67,25 +45,25 @@ def observer(settings: OneDof) -> dict[str, Any]:
     }
 
 
-def measure_all(laboratory: Laboratory, progress: Callable[[str], None] = lambda text: None) -> Measured:
+def measure_all(laboratory: Laboratory, progress: Progress = lambda text: None) -> Measured:
     """Everything the claims need, of the four architectures: commands with and without friction, noise, Fig. 9."""
     settings, study = laboratory.settings, laboratory.study
     omega = study.frequencies()
     loops = laboratory.loops(sorted({settings.g_dis, *study.g_dis}))
     laboratory.stable(loops)
     progress("responses without friction")
-    linear = laboratory.command(loops, omega)
+    linear = laboratory.responses(loops, omega)
     progress(f"responses with {settings.friction_model} friction")
-    friction = laboratory.command(loops, omega, friction=True)
+    friction = laboratory.responses(loops, omega, "friction")
     progress("responses to velocity noise")
-    noise = laboratory.noise(loops, omega)
+    noise = laboratory.responses(loops, omega, "noise")
     progress("maximum torque")
     cut_offs = np.geomspace(*study.torque_g_dis, study.torque_count)
     torque_omega = np.array([*study.torque_omega, BEYOND * settings.g_dis])
     torque = {}
     for name in laboratory.controllers:
         row = [(name, float(g)) for g in cut_offs] if name in WITH_OBSERVER else [(name, 0.0)]
-        responses = laboratory.command(row, torque_omega)
+        responses = laboratory.responses(row, torque_omega)
         missing = np.full(len(torque_omega), np.nan)
         torque[name] = np.stack([responses[loop].peak_force if loop in responses else missing for loop in row], axis=1)
     return Measured(settings, study, linear, friction, noise, torque_omega, cut_offs, torque, laboratory.unstable)
@@ -99,16 +77,13 @@ def laboratories(settings: OneDof, study: Frequency) -> dict[str, Laboratory]:
     return {name: Laboratory(of, coarse, lenient=True) for name, of in own.items()}
 
 
-def table(rooms: Mapping[str, Laboratory], progress: Callable[[str], None] = lambda text: None) -> list[Realisation]:
-    """Judge the claims under every realisation."""
-    rows = []
-    for name, laboratory in rooms.items():
-        progress(f"realisation {name}")
-        claims = evaluate(measure_all(laboratory))
-        rows.append(Realisation(name, laboratory.settings, claims, list(laboratory.unstable.values())))
-    return rows
+def judged(name: str, laboratory: Laboratory) -> dict[str, Any]:
+    """The `realisations` entry of summary.json: which claims hold under a realisation."""
+    holds = {claim["id"]: claim["holds"] for claim in evaluate(measure_all(laboratory))}
+    entry = {"name": name, "observer": observer(laboratory.settings), "holding": sum(holds.values()), "holds": holds}
+    return entry | {"unstable": list(laboratory.unstable.values())}
 
 
-def best(rows: list[Realisation]) -> Realisation:
+def best(rows: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
     """The realisation under which most claims hold; of equals, the one nearest to the textbook's r = 1."""
-    return max(rows, key=lambda row: (row.count, -abs(row.settings.nominal_mass_ratio - 1.0)))
+    return max(rows, key=lambda row: (row["holding"], -abs(row["observer"]["nominal_mass_ratio"] - 1.0)))

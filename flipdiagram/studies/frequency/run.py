@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +14,13 @@ import xarray as xr
 from flipdiagram.errors import InputError
 from flipdiagram.files import atomic_path, write_summary
 from flipdiagram.flips.flip import code_version
-from flipdiagram.scenario.one_dof import Frequency, OneDof
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.studies.frequency import realisations
-from flipdiagram.studies.frequency.broadband import Spectrum, noise_spectrum
-from flipdiagram.studies.frequency.claims import Claim, acceleration_gain, evaluate, phase
+from flipdiagram.studies.frequency.broadband import noise_spectrum
+from flipdiagram.studies.frequency.claims import acceleration_gain, evaluate, phase
 from flipdiagram.studies.frequency.curves import curves_of, friction_curves, torque_of
-from flipdiagram.studies.frequency.laboratory import Factory, Kind, Laboratory, Loop, Measured
-from flipdiagram.studies.frequency.realisations import Realisation
+from flipdiagram.studies.frequency.laboratory import Factory, Laboratory, Measured, closed_form
+from flipdiagram.studies.frequency.realisations import Progress
 from flipdiagram.studies.frequency.sweep import Response
 
 QUICK = {"frequency.lowest": 1.0, "frequency.count": 24, "frequency.torque_count": 9, "frequency.noise_time": 20.0}
@@ -38,122 +36,68 @@ SOURCES = (
     "theory",
 )
 """Modules whose code decides what this study measures."""
-Progress = Callable[[str], None]
 
 
-@dataclass(frozen=True)
-class FrequencyResult:
-    """All that one study measured.  `rows` and `other_friction` are empty after a quick run.
-
-    unsteady: an entry of summary.json for each response that missed the criterion, with what it does instead.
-    """
-
-    scenario: Scenario
-    out: Path
-    measured: Measured
-    claims: list[Claim]
-    rows: list[Realisation]
-    other_friction: Measured | None
-    spectra: dict[Loop, Spectrum]
-    unsteady: list[dict[str, Any]]
-    quick: bool
-    steps: int
-    channel_steps_per_s: float
-    seconds: float
-
-    def summary(self) -> dict[str, Any]:
-        """The body of summary.json."""
-        body = {
-            "code": code_version(SOURCES),
-            "quick": self.quick,
-            "curves": curves_of(self.measured),
-            "torque": torque_of(self.measured),
-            "claims": [claim.as_dict() for claim in self.claims],
-            "observer": realisations.observer(self.measured.settings),
-            "channel_steps_per_s": self.channel_steps_per_s,
-            "channel_steps": self.steps,
-            "seconds": self.seconds,
-            "measurement": _measurement(self.measured) | {"unsteady": self.unsteady},
-            "broadband": [
-                {
-                    "architecture": name,
-                    "g_dis_rad_s": g or None,
-                    "omega_rad_s": spectrum.omega,
-                    "value": spectrum.gain,
-                    "theory": np.abs(self.measured.theory((name, g)).noise(spectrum.omega)),
-                    "segments": spectrum.segments,
-                }
-                for (name, g), spectrum in self.spectra.items()
-            ],
-        }
-        if self.rows:
-            body["realisations"] = [row.as_dict() for row in self.rows]
-            body["best_realisation"] = realisations.best(self.rows).name
-        if self.other_friction is not None:
-            models = compare_friction(self.measured, self.other_friction)
-            body["friction_models"] = models | {"curves": friction_curves(self.other_friction)}
-        return body
-
-    def write(self) -> None:
-        """Write summary.json and frequency.nc."""
-        write_summary(self.out / "summary.json", "frequency", self.scenario, self.summary())
-        with atomic_path(self.out / "frequency.nc") as temporary:
-            dataset(self.measured).to_netcdf(temporary, engine="scipy")
-
-
-def run(
-    scenario: Scenario, out: str | Path, *, quick: bool = False, progress: Progress = lambda text: None
-) -> FrequencyResult:
+def run(scenario: Scenario, out: str | Path, *, quick: bool = False, progress: Progress = lambda text: None) -> None:
     """Measure Figs 5–10 and the claims; write summary.json and frequency.nc.
 
     Raises InputError for bad settings and SimulationError for an unstable loop, naming the loop and its pole.
     """
     begin = time.perf_counter()
-    if quick:
-        scenario = scenario.with_overrides(_quick(scenario))
+    scenario = _quick(scenario) if quick else scenario
     settings, study = scenario.one_dof, scenario.frequency
     laboratory = Laboratory(settings, study)
-    rooms = {} if quick else realisations.laboratories(settings, study)
-    rough = None if quick else _other_friction(settings, study)
-    everything = [laboratory, *([rough] if rough else []), *rooms.values()]
-    laboratory.stable(laboratory.loops(sorted({settings.g_dis, *study.g_dis})))
     measured = realisations.measure_all(laboratory, progress)
     progress("responses to broadband noise")
-    loops = [loop for loop in measured.noise if loop[0] != "pd+ff+dob" or loop[1] == settings.g_dis]
-    spectra = {loop: noise_spectrum(laboratory, loop) for loop in loops}
-    other = None
-    if rough is not None:
-        progress(f"responses with {rough.settings.friction_model} friction")
-        rough_responses = rough.command(rough.loops((settings.g_dis,)), study.frequencies(), friction=True)
-        other = Measured(rough.settings, study, friction=rough_responses)
-    rows = realisations.table(rooms, progress)
+    body: dict[str, Any] = {
+        "code": code_version(SOURCES),
+        "quick": quick,
+        "curves": curves_of(measured),
+        "torque": torque_of(measured),
+        "claims": evaluate(measured),
+        "observer": realisations.observer(settings),
+        "measurement": _measurement(measured),
+        "broadband": _broadband(laboratory, measured),
+    }
     progress("what unsteady responses do")
-    unsteady = unsteady_responses(laboratory, measured)
-    if rough is not None and other is not None:
+    unsteady, steps = unsteady_responses(laboratory, measured), laboratory.steps
+    if not quick:
+        model = "stick-slip" if settings.friction_model == "signum" else "signum"
+        rough = Laboratory(settings.model_copy(update={"friction_model": model}), study)
+        progress(f"responses with {model} friction")
+        responses = rough.responses(rough.loops((settings.g_dis,)), study.frequencies(), "friction")
+        other = Measured(rough.settings, study, friction=responses)
+        body["friction_models"] = compare_friction(measured, other) | {"curves": friction_curves(other)}
         unsteady += unsteady_responses(rough, other)
-    steps = sum(room.steps for room in everything)
-    result = FrequencyResult(
-        scenario,
-        Path(out),
-        measured,
-        evaluate(measured),
-        rows,
-        other,
-        spectra,
-        unsteady,
-        quick,
-        steps,
-        laboratory.sweep_steps / laboratory.seconds,
-        time.perf_counter() - begin,
-    )
-    result.write()
-    return result
+        rows, steps = [], steps + rough.steps
+        for name, room in realisations.laboratories(settings, study).items():
+            progress(f"realisation {name}")
+            rows.append(realisations.judged(name, room))
+            steps += room.steps
+        body |= {"realisations": rows, "best_realisation": realisations.best(rows)["name"]}
+    body["measurement"] |= {"unsteady": unsteady}
+    body |= {"channel_steps_per_s": laboratory.sweep_steps / laboratory.seconds, "channel_steps": steps}
+    folder, body["seconds"] = Path(out), time.perf_counter() - begin
+    write_summary(folder / "summary.json", "frequency", scenario, body)
+    with atomic_path(folder / "frequency.nc") as temporary:
+        dataset(measured).to_netcdf(temporary, engine="scipy")
+
+
+def _broadband(laboratory: Laboratory, measured: Measured) -> list[dict[str, Any]]:
+    """The `broadband` entries: noise gains by spectra, with the closed form beside them."""
+    entries = []
+    for name, g in measured.noise:
+        if name != "pd+ff+dob" or g == measured.settings.g_dis:
+            omega, gain, segments = noise_spectrum(laboratory, (name, g))
+            entry = {"architecture": name, "g_dis_rad_s": g or None, "omega_rad_s": omega, "value": gain}
+            theory = np.abs(closed_form(measured.settings, (name, g)).noise(omega))
+            entries.append(entry | {"theory": theory, "segments": segments})
+    return entries
 
 
 def stored(scenario: Scenario, out: str | Path, *, quick: bool = False) -> dict[str, Any] | None:
     """The summary that an earlier run left in `out`, where this code would measure the same again; else None."""
-    if quick:
-        scenario = scenario.with_overrides(_quick(scenario))
+    scenario = _quick(scenario) if quick else scenario
     try:
         summary: dict[str, Any] = json.loads((Path(out) / "summary.json").read_text(encoding="utf-8"))
         same = summary["code"] == code_version(SOURCES) and summary["scenario"] == scenario.model_dump(mode="json")
@@ -163,34 +107,30 @@ def stored(scenario: Scenario, out: str | Path, *, quick: bool = False) -> dict[
 
 
 def compare(controllers: Mapping[str, Factory], scenario: Scenario, *, friction: bool = False) -> dict[str, Response]:
-    """Command responses of controllers of your own, by name, on the study's frequencies; see one_dof_loop for ports.
+    """Command responses of controllers of your own, by name, on the study's frequencies; see one_dof for ports.
 
     A factory makes a new controller for the loop's settings at each call: `lambda settings: MyController()`.  Names
-    of the four architectures may stand beside them with `one_dof_loop.build_controller` as factory.
+    of the four architectures may stand beside them with `one_dof.build_controller` as factory.
     """
     if not controllers:
         raise InputError("controllers = {}; give at least one factory by name")
     laboratory = Laboratory(scenario.one_dof, scenario.frequency, controllers)
     loops = laboratory.loops((scenario.one_dof.g_dis,))
-    responses = laboratory.command(loops, scenario.frequency.frequencies(), friction=friction)
+    responses = laboratory.responses(loops, scenario.frequency.frequencies(), "friction" if friction else "linear")
     return {name: response for (name, _), response in responses.items()}
 
 
 def unsteady_responses(laboratory: Laboratory, measured: Measured) -> list[dict[str, Any]]:
     """The responses whose windows differ by more than the tolerance: by how much, and what they do; see periodicity."""
     entries = []
-    kinds: dict[Kind, dict[Loop, Response]]
-    kinds = {"linear": measured.linear, "friction": measured.friction, "noise": measured.noise}
-    for kind, responses in kinds.items():
+    for kind, responses in measured.kinds.items():
         for (name, g), response in responses.items():
             odd = np.flatnonzero(~response.steady)
             for i, repetition in zip(odd, laboratory.repetitions((name, g), response, kind), strict=True):
                 entry = {"kind": kind, "architecture": name, "g_dis_rad_s": g or None}
                 entry |= {"friction_model": measured.settings.friction_model} if kind == "friction" else {}
                 entry |= {"omega_rad_s": response.omega[i], "spread": response.spread[i]}
-                entry |= {"spread_of_fundamental": response.spread_x[i], "verdict": repetition.verdict}
-                entry |= {"judged_at_omega_rad_s": repetition.omega, "repeats_after_periods": repetition.periods}
-                entries.append(entry | {"windows": repetition.windows, "spread_there": repetition.spread})
+                entries.append(entry | {"spread_of_fundamental": response.spread_x[i]} | repetition)
     return entries
 
 
@@ -201,10 +141,11 @@ def compare_friction(one: Measured, other: Measured) -> dict[str, Any]:
     for loop in other.friction:
         a, b = one.friction[loop], other.friction[loop]
         gains, phases = (acceleration_gain(a), acceleration_gain(b)), (phase(a), phase(b))
+        first = int(np.max(np.flatnonzero(np.abs(gains[0] / gains[1] - 1) > 0.05), initial=-1)) + 1
         comparison[loop[0]] = {
             "omega_rad_s": float(a.omega[0]),
             "gain_at_lowest": dict(zip(models, (float(gain[0]) for gain in gains), strict=True)),
-            "same_gain_within_5_percent_above_rad_s": _agree_above(a.omega, gains[0], gains[1], 0.05),
+            "same_gain_within_5_percent_above_rad_s": float(a.omega[first]) if first < len(a.omega) else None,
             "largest_phase_difference_rad": float(np.max(np.abs(phases[0] - phases[1]))),
             "rms_error_at_lowest_m": [float(a.rms_error[0]), float(b.rms_error[0])],
         }
@@ -213,26 +154,23 @@ def compare_friction(one: Measured, other: Measured) -> dict[str, Any]:
 
 def dataset(measured: Measured) -> xr.Dataset:
     """Every response as an xarray.Dataset: linear_…, friction_…, noise_… (loop, omega), torque_… (omega, g_dis)."""
-    kinds = {"linear": measured.linear, "friction": measured.friction, "noise": measured.noise}
     loops = list(measured.linear)
     variables: dict[str, Any] = {}
     units = {"peak_x": "m", "peak_a": "m/s2", "peak_force": "N", "rms_error": "m", "spread": "1", "ticks": "1"}
-    for kind, responses in kinds.items():
-        for name, unit in units.items():
-            values = np.stack([getattr(responses[loop], name) for loop in loops]).astype(float)
+    for kind, responses in measured.kinds.items():
+        read = {name: np.stack([getattr(responses[loop], name) for loop in loops]) for name in (*units, "x", "steady")}
+        columns = {name: (read[name].astype(float), unit) for name, unit in units.items()}
+        columns |= {"x_amplitude": (np.abs(read["x"]), "m"), "x_phase": (np.angle(read["x"]), "rad")}
+        columns |= {"steady": (read["steady"].astype(np.int8), "1")}
+        for name, (values, unit) in columns.items():
             variables[f"{kind}_{name}"] = (("loop", "omega"), values, {"units": unit})
-        phasors = np.stack([responses[loop].x for loop in loops])
-        variables[f"{kind}_x_amplitude"] = (("loop", "omega"), np.abs(phasors), {"units": "m"})
-        variables[f"{kind}_x_phase"] = (("loop", "omega"), np.angle(phasors), {"units": "rad"})
-        steady = np.stack([responses[loop].steady for loop in loops]).astype(np.int8)
-        variables[f"{kind}_steady"] = (("loop", "omega"), steady, {"units": "1"})
     for name, values in measured.torque.items():
         spread = np.broadcast_to(values, (len(measured.torque_omega), len(measured.torque_g_dis))).copy()
         variables[f"torque_{name.replace('+', '_')}"] = (("torque_omega", "torque_g_dis"), spread, {"units": "N"})
     return xr.Dataset(
         variables,
         coords={
-            "omega": ("omega", measured.linear[loops[0]].omega, {"units": "rad/s"}),
+            "omega": ("omega", measured.omega, {"units": "rad/s"}),
             "architecture": ("loop", [name for name, _ in loops]),
             "g_dis": ("loop", [g for _, g in loops], {"units": "rad/s"}),
             "torque_omega": ("torque_omega", measured.torque_omega, {"units": "rad/s"}),
@@ -242,26 +180,13 @@ def dataset(measured: Measured) -> xr.Dataset:
     )
 
 
-def _quick(scenario: Scenario) -> dict[str, Any]:
+def _quick(scenario: Scenario) -> Scenario:
     study, changes = scenario.frequency, dict(QUICK)
     if study.omega is not None or not study.lowest <= changes["frequency.lowest"] < study.highest:
         del changes["frequency.lowest"]
     for path in ("count", "torque_count", "noise_time"):
         changes[f"frequency.{path}"] = min(changes[f"frequency.{path}"], getattr(study, path))
-    return changes
-
-
-def _other_friction(settings: OneDof, study: Frequency) -> Laboratory:
-    """A laboratory with the friction model that the settings do not choose."""
-    model = "stick-slip" if settings.friction_model == "signum" else "signum"
-    return Laboratory(settings.model_copy(update={"friction_model": model}), study)
-
-
-def _agree_above(omega: Any, one: Any, other: Any, part: float) -> float | None:
-    """The frequency from which on two curves agree within a part; None where they do not at the end."""
-    apart = np.nonzero(np.abs(one / other - 1) > part)[0]
-    last = -1 if not apart.size else int(apart[-1])
-    return float(omega[last + 1]) if last + 1 < len(omega) else None
+    return scenario.with_overrides(changes)
 
 
 def _measurement(measured: Measured) -> dict[str, Any]:
@@ -273,7 +198,7 @@ def _measurement(measured: Measured) -> dict[str, Any]:
         "largest_part_of_a_period_missing_in_a_window": max(float(np.max(np.abs(r.rest))) for r in linear),
         "largest_difference_of_peak_and_fundamental_without_friction": peak,
         "largest_difference_of_fundamental_and_theory": max(
-            float(np.max(np.abs(-r.x / measured.theory(loop).command(r.omega) - 1)))
+            float(np.max(np.abs(-r.x / closed_form(measured.settings, loop).command(r.omega) - 1)))
             for loop, r in measured.linear.items()
         ),
         "torque_frequencies": "chosen below, at and above g_dis; the paper does not state its own",

@@ -45,12 +45,10 @@ class Response:
     spread_x: Floats
     ticks: np.ndarray
     rest: Floats
-    steps: int
 
     def select(self, index: Any) -> Response:
         """The channels of an index, as a Response of its own."""
-        arrays = {f.name: getattr(self, f.name)[index] for f in fields(self) if f.name != "steps"}
-        return Response(**arrays, steps=self.steps)
+        return Response(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
 
 
 def settling_ticks(pole: complex | None, period: float) -> int:
@@ -60,24 +58,12 @@ def settling_ticks(pole: complex | None, period: float) -> int:
     return math.ceil(min(math.log(1 / SETTLED) / -pole.real, LONGEST_SETTLING) / period)
 
 
-def measure(
-    loop: Any,
-    omega: ArrayLike,
-    parameters: Mapping[str, ArrayLike],
-    settling: ArrayLike,
-    *,
-    tolerance: float,
-    most_windows: int,
-    name: str = "loop",
-    threads: int | None = None,
-) -> Response:
-    """Drive a compiled `one_dof_loop.build_experiment` at omega (n,) [rad/s] until two successive windows agree.
+def measure(windows: Windows, *, tolerance: float, most_windows: int) -> Response:
+    """Drive channels until two successive windows agree.
 
-    parameters: further numeric parameters, (n,) or one for all; settling: ticks before the first window, (n,).
     Two windows agree when fundamental and RMS error of x differ by less than the tolerance, relative to their size.
     Channels that never do are returned with steady = False.  Raises SimulationError where a loop diverges.
     """
-    windows = Windows(loop, omega, parameters, settling, name=name, threads=threads)
     n = len(windows.omega)
     active, before = np.arange(n), np.zeros((2, n), complex)
     result: dict[str, Any] = {f.name: np.zeros(n, complex if f.name in ("x", "a") else float) for f in fields(Response)}
@@ -97,14 +83,14 @@ def measure(
         active = np.nonzero(~result["steady"])[0]
         if not active.size:
             break
-    result["steps"] = windows.steps
     return Response(**result)
 
 
 class Windows:
     """One window after another of channels that run on: before each, their meters begin anew.
 
-    loop, omega, parameters, settling, name, threads: as for `measure`.  ticks (n,): samples of the windows, by default
+    loop: a compiled `one_dof.build_experiment`; omega (n,): driven at [rad/s]; parameters: further numeric parameters,
+    (n,) or one for all; settling: ticks before the first window, (n,).  ticks (n,): samples of the windows, by default
     as nearly whole periods as can be; rest (n,): the part of a period by which they are not; steps: channel-steps so
     far.
     """
@@ -118,23 +104,22 @@ class Windows:
         *,
         ticks: ArrayLike | None = None,
         name: str = "loop",
-        threads: int | None = None,
     ) -> None:
         self.omega = np.asarray(omega, dtype=float)
         n = len(self.omega)
         if ticks is None:
-            ticks = [whole_periods(value, loop.period, SHORTEST_WINDOW)[0] for value in self.omega]
+            ticks = [whole_periods(value, loop.period, SHORTEST_WINDOW) for value in self.omega]
         self.ticks = np.array(ticks, dtype=np.int64)
         periods = self.ticks * self.omega * loop.period / (2 * np.pi)
         self.rest = periods - np.rint(periods)
-        self._loop, self._name, self._threads = loop, name, threads
+        self._loop, self._name = loop, name
         self._given = {key: np.broadcast_to(np.asarray(value, dtype=float), (n,)) for key, value in parameters.items()}
         self._given["omega"] = self.omega
         self._default = np.concatenate([np.ravel(loop.default_state[name]) for name in loop.states])
         boxes = [name.partition("[")[0].partition(".")[0] for name in loop.state_names]
         self._meters = np.flatnonzero(np.isin(boxes, METERS))
         settle = np.broadcast_to(np.asarray(settling, dtype=np.int64), (n,))
-        run = loop.run(settle, parameters=self._given, threads=threads)
+        run = loop.run(settle, parameters=self._given)
         self.steps, self._now, self._state = int(settle.sum()), run.ticks.copy(), np.array(run.final)
 
     def next(self, active: np.ndarray) -> dict[str, Any]:
@@ -145,14 +130,19 @@ class Windows:
         state, ticks, w = self._state[active], self.ticks[active], self.omega[active]
         state[:, self._meters] = self._default[self._meters]
         given = {key: value[active] for key, value in self._given.items()}
-        run = self._loop.run(ticks, parameters=given, state=state, start=self._now[active], threads=self._threads)
+        run = self._loop.run(ticks, parameters=given, state=state, start=self._now[active])
         self.steps += int(ticks.sum())
         bad = ~(np.abs(run.final).max(axis=1) < 1e100)  # also where one is nan
         if bad.any():
             raise SimulationError(f"the loop '{self._name}' diverged at omega = {w[bad][0]:.6g} rad/s")
-        read = _read(run.outputs, w, self._loop.period, self._now[active], ticks)
+        read: dict[str, Any] = {"rms_error": run.outputs["rms_error"][:, 0]}
+        for name in ("x", "a"):
+            peaks = run.outputs[f"peak_{name}"]
+            read[f"peak_{name}"] = (peaks[:, 0] - peaks[:, 1]) / 2
+            phasors = run.outputs[f"lockin_{name}"]
+            read[name] = fundamental(phasors, w, self._loop.period, self._now[active], ticks)
         self._state[active], self._now[active] = run.final, run.ticks
-        return read
+        return read | {"peak_force": np.max(np.abs(run.outputs["peak_force"]), axis=1)}
 
 
 def decisive(read: Mapping[str, Any]) -> Complex:
@@ -164,15 +154,3 @@ def apart(one: Complex, other: Complex) -> Floats:
     """|one − other| relative to the larger of them, element by element; 0 where both are 0."""
     size = np.maximum(np.abs(one), np.abs(other))
     return np.asarray(np.abs(one - other) / np.maximum(size, 1e-300))
-
-
-def _read(outputs: Mapping[str, Floats], w: Floats, period: float, start: Any, ticks: Any) -> dict[str, Any]:
-    peaks = {name: outputs[f"peak_{name}"] for name in ("x", "a", "force")}
-    return {
-        "x": fundamental(outputs["lockin_x"], w, period, start, ticks),
-        "a": fundamental(outputs["lockin_a"], w, period, start, ticks),
-        "peak_x": (peaks["x"][:, 0] - peaks["x"][:, 1]) / 2,
-        "peak_a": (peaks["a"][:, 0] - peaks["a"][:, 1]) / 2,
-        "peak_force": np.max(np.abs(peaks["force"]), axis=1),
-        "rms_error": outputs["rms_error"][:, 0],
-    }

@@ -14,13 +14,10 @@ from flipdiagram.studies.study import Summary
 
 def tables(summary: Summary) -> list[Grid | str | None]:
     """What a terminal shows."""
-    realisations = summary.get("realisations")
-    return [
-        claims_grid(summary),
-        holding_grid(realisations, summary["best_realisation"]) if realisations else None,
-        steadiness(summary),
-        "a quick run: fewer frequencies, no table of realisations" if summary["quick"] else None,
-    ]
+    rows = summary.get("realisations")
+    holding = holding_grid(rows, summary["best_realisation"]) if rows else None
+    quick = "a quick run: fewer frequencies, no table of realisations" if summary["quick"] else None
+    return [claims_grid(summary), holding, steadiness(summary), quick]
 
 
 def claims_grid(summary: Summary) -> Grid:

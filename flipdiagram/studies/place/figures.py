@@ -10,14 +10,13 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flipdiagram.figures.style import GUIDE, LABELS, NAMES, RC, STYLES, save, style_of
+from flipdiagram.figures.style import GUIDE, LABELS, NAMES, RC, STYLES, save, style_of, tidy
 from flipdiagram.rendering.replay import write_replay
 from flipdiagram.scenario.scenario import ARCHITECTURES, from_mapping
 from flipdiagram.simulation.recording import Recording
 from flipdiagram.simulation.recording_files import load_recording
-from flipdiagram.studies.place.run import planned_states
+from flipdiagram.studies.place.run import commanded_angle, planned_states
 from flipdiagram.studies.study import Progress, Summary
-from flipdiagram.theory import contact
 
 STATES = (("stick (7)", "#56B4E9"), ("slide (8)", "#F0E442"), ("release (9)", "#BBBBBB"))
 
@@ -29,8 +28,9 @@ def write_figures(
     progress("drawing figures")
     recordings = {run["architecture"]: load_recording(out / run["recording"]) for run in summary["runs"]}
     scenario = from_mapping(summary["scenario"])
-    save(plot_states(recordings, scenario.object.friction), out / "contact_states")
-    save(plot_path(recordings, scenario.place.target_y), out / "path")
+    moving = {name: recordings[name].sel(time=slice(0.0, None)) for name in ARCHITECTURES if name in recordings}
+    save(plot_states(moving, scenario.object.friction), out / "contact_states")
+    save(plot_path(moving, scenario.place.target_y), out / "path")
     if not no_replay:
         verdicts = {run["architecture"]: (run["success"], run["failure"] or "laid down") for run in summary["runs"]}
         write_replay(recordings, scenario, out / "replay.html", verdicts)
@@ -39,47 +39,39 @@ def write_figures(
 
 def plot_states(recordings: Mapping[str, Recording], friction: float) -> Figure:
     """Sliding angle φ of eq. (11), displacement σ on the blade, and the contact states of eqs. (7)–(9) over time."""
-    names = [name for name in ARCHITECTURES if name in recordings]
-    first = recordings[names[0]].sel(time=slice(0.0, None))
+    first = next(iter(recordings.values()))
     with rc_context(RC):
         figure = Figure(figsize=(7.6, 6.0), layout="constrained")
-        top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(1.2, 1.2, 0.25 * (len(names) + 2)))
+        top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(1.2, 1.2, 0.25 * (len(recordings) + 2)))
     cone = float(np.degrees(np.arctan(friction)))
     time = first["time"].values
     moving = time <= first.attrs["end_time_s"]
-    phi = np.degrees(_angle(first))
+    phi = np.degrees(np.abs(commanded_angle(first)))
     top.plot(time[moving], phi[moving], label="commanded", **STYLES["command"].line())
     for value, text in ((cone, "friction angle"), (90.0, "π/2")):
         top.axhline(value, **GUIDE)
         top.annotate(text, (1.0, value), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=8)
     top.set(ylabel="sliding angle |φ| [deg]", ylim=(0, 105), yticks=range(0, 91, 30))
     middle.plot(time, 1000 * first["slide_cmd"].values, label="planned", **STYLES["command"].line())
-    for name in names:
-        data = recordings[name].sel(time=slice(0.0, None))
+    for name, data in recordings.items():
         slide = np.where(data["contact_state"].values < 2, 1000 * data["slide"].values, np.nan)
         middle.plot(data["time"].values, slide, label=NAMES[name], **style_of(name).line())
     least = 1000 * float(first["slide_cmd"].values.min())
     middle.set(ylabel="slide σ on the blade [mm]", ylim=(1.6 * least, -0.15 * least))
     middle.legend(fontsize="small", ncols=3)
-    _bands(bottom, recordings, names, friction)
+    _bands(bottom, recordings, friction)
     bottom.set_xlabel("time [s]")
     for ax in (top, middle):
-        ax.grid(color="0.9", linewidth=0.6)
-        ax.spines[["top", "right"]].set_visible(False)
+        tidy(ax)
     return figure
 
 
-def _angle(data: Recording) -> np.ndarray:
-    return np.abs(contact.sliding_angle(data["a_cmd"].values[:, :2], data["x_cmd"].values[:, 2]))
-
-
-def _bands(ax: Axes, recordings: Mapping[str, Recording], names: list[str], friction: float) -> None:
+def _bands(ax: Axes, recordings: Mapping[str, Recording], friction: float) -> None:
     """One row a run, coloured by contact state; the planned one on top."""
-    first = recordings[names[0]].sel(time=slice(0.0, None))
+    first = next(iter(recordings.values()))
     planned = np.where(first["time"].values <= first.attrs["release_time_s"], planned_states(first, friction), 2)
     rows = [("planned", first["time"].values, planned)]
-    for name in names:
-        data = recordings[name].sel(time=slice(0.0, None))
+    for name, data in recordings.items():
         rows.append((NAMES[name], data["time"].values, data["contact_state"].values))
     for k, (_, time, states) in enumerate(rows):
         edges = np.flatnonzero(np.diff(states)) + 1
@@ -98,14 +90,12 @@ def plot_path(recordings: Mapping[str, Recording], target_y: float) -> Figure:
     with rc_context(RC):
         figure = Figure(figsize=(6.4, 4.2), layout="constrained")
         ax = figure.subplots()
-    names = [name for name in ARCHITECTURES if name in recordings]
-    for k, name in enumerate(names):
-        data = recordings[name].sel(time=slice(0.0, None))
-        if not k:
-            ax.plot(*data["x_cmd"].values[:, :2].T, label="tool, commanded", **STYLES["command"].line())
+    first = next(iter(recordings.values()))
+    ax.plot(*first["x_cmd"].values[:, :2].T, label="tool, commanded", **STYLES["command"].line())
+    for name, data in recordings.items():
         ax.plot(*data["x"].values[:, :2].T, label=f"tool, {NAMES[name]}", **style_of(name).line())
         ax.plot(*data["block_pose"].values[:, 5:].T, color=STYLES[name].color, linestyle=":", linewidth=1.2)
-    table = float(recordings[names[0]].attrs["table_height_m"])
+    table = float(first.attrs["table_height_m"])
     ax.axhline(table, color="0.5", linewidth=1.0)
     ax.plot(target_y, table, "^", color="black", linestyle="none", label="target")
     ax.plot([], [], color="0.3", linestyle=":", label="object")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,24 +28,6 @@ STILL = 1e-3
 """Speed along the blade [m/s] above which the object counts as sliding."""
 
 
-@dataclass(frozen=True)
-class Placement:
-    """What became of the object: where it lies, how fast it came down, how it slid."""
-
-    architecture: str
-    success: bool
-    failure: str | None
-    final_y_m: float
-    distance_m: float
-    tilt_rad: float
-    touchdown_time_s: float | None
-    touchdown_speed_m_s: float | None
-    slid_m: float
-    planned_slide_m: float
-    position_rmse_m: float
-    recording: str
-
-
 def run(
     scenario: Scenario,
     out: str | Path,
@@ -66,46 +47,40 @@ def run(
     progress("planning")
     plan = Placer(scenario, arm_of(scenario)).plan()
     progress(f"planned {plan.plan.duration:.2f} s; simulating {', '.join(architectures)}")
-    placements: dict[int, Placement] = {}
+    placements: dict[int, dict[str, Any]] = {}
     with Workers(jobs) as workers:
         tasks = [(scenario, name, plan, folder) for name in architectures]
         for index, placed in workers.results(place_one, tasks):
             placements[index] = placed
-            verdict = "laid down" if placed.success else placed.failure
-            progress(f"{len(placements)}/{len(tasks)} {placed.architecture}: {verdict}")
-    body = {
-        "plan": _plan_summary(plan),
-        "target_y_m": scenario.place.target_y,
-        "runs": [asdict(placements[i]) for i in sorted(placements)],
+            progress(f"{len(placements)}/{len(tasks)} {placed['architecture']}: {placed['failure'] or 'laid down'}")
+    runs = [placements[i] for i in sorted(placements)]
+    motion, slide = plan.plan, plan.slide
+    planned = {
+        "tilt_rad": slide.tilt,
+        "friction_angle_rad": motion.friction_angle,
+        "slide_begins_s": plan.slide_begins,
+        "slide_time_s": slide.duration,
+        "slide_way_m": slide.way,
+        "slide_speed_m_s": slide.final_speed,
+        "retreat_begins_s": plan.retreat_begins,
+        "duration_s": motion.duration,
+        "limit_use": motion.limit_use,
+        "solve_time_s": motion.solve_time,
     }
+    body = {"plan": planned, "target_y_m": scenario.place.target_y, "runs": runs}
     write_summary(folder / "summary.json", "place", scenario, body)
 
 
-def _plan_summary(plan: PlacingPlan) -> dict[str, Any]:
-    return {
-        "tilt_rad": plan.slide.tilt,
-        "friction_angle_rad": plan.plan.friction_angle,
-        "slide_begins_s": plan.slide_begins,
-        "slide_time_s": plan.slide.duration,
-        "slide_way_m": plan.slide.way,
-        "slide_speed_m_s": plan.slide.final_speed,
-        "retreat_begins_s": plan.retreat_begins,
-        "duration_s": plan.plan.duration,
-        "limit_use": plan.plan.limit_use,
-        "solve_time_s": plan.plan.solve_time,
-    }
-
-
-def place_one(scenario: Scenario, architecture: str, plan: PlacingPlan, folder: Path) -> Placement:
-    """One run: simulate, judge, write its recording."""
+def place_one(scenario: Scenario, architecture: str, plan: PlacingPlan, folder: Path) -> dict[str, Any]:
+    """One run: simulate, judge, write its recording; its entry in `runs` of summary.json."""
     name = f"{architecture}.nc"
     data = simulate(scenario, architecture, plan.plan).recording
     data["slide"] = (("time",), sliding(data), {"units": "m"})
     data["slide_cmd"] = (("time",), plan.displacement(data["time"].values), {"units": "m"})
     data["contact_state"] = (("time",), contact_states(data), {"units": "1", "note": "0 stick, 1 slide, 2 release"})
-    placed = judge(data, scenario.place.target_y, architecture, plan, name)
+    placed = {"architecture": architecture} | judge(data, scenario.place.target_y, plan) | {"recording": name}
     with atomic_path(folder / name) as temporary:
-        judged = data.assign_attrs(study="place", success=int(placed.success), failure=placed.failure or "")
+        judged = data.assign_attrs(study="place", success=int(placed["success"]), failure=placed["failure"] or "")
         judged.to_netcdf(temporary, engine="scipy")
     return placed
 
@@ -127,12 +102,16 @@ def contact_states(data: Recording) -> np.ndarray:
 
 def planned_states(data: Recording, friction: float) -> np.ndarray:
     """Contact state that eqs. (7)–(9) give for the commanded sliding angle, (time,)."""
-    phi = contact.sliding_angle(data["a_cmd"].values[:, :2], data["x_cmd"].values[:, 2])
-    return contact.contact_state(phi, friction)
+    return contact.contact_state(commanded_angle(data), friction)
 
 
-def judge(data: Recording, target_y: float, architecture: str, plan: PlacingPlan, name: str) -> Placement:
-    """Whether the object lies flat within `NEAR` of the target and came down slower than `GENTLE`."""
+def commanded_angle(data: Recording) -> np.ndarray:
+    """Sliding angle φ of eq. (11) of the commanded motion [rad], (time,)."""
+    return contact.sliding_angle(data["a_cmd"].values[:, :2], data["x_cmd"].values[:, 2])
+
+
+def judge(data: Recording, target_y: float, plan: PlacingPlan) -> dict[str, Any]:
+    """Whether the object lies flat within `NEAR` of the target and came down slower than `GENTLE`; where, and how."""
     time, pose, landed = data["time"].values, data["block_pose"].values, touchdown(data)
     y, tilt = float(pose[-1, 5]), float(abs(np.angle(np.exp(1j * roll(pose)[-1]))))
     distance, speed = abs(y - target_y), None
@@ -140,7 +119,7 @@ def judge(data: Recording, target_y: float, architecture: str, plan: PlacingPlan
         k = max(int(np.searchsorted(time, landed.time_s)) - 1, 1)
         speed = float(np.linalg.norm(pose[k, 5:] - pose[k - 1, 5:]) / (time[1] - time[0]))
     failure = None
-    if speed is None or landed is None:
+    if speed is None:
         failure = "never reached the table"
     elif tilt > FLAT:
         failure = f"lies tilted by {tilt:.2f} rad"
@@ -148,18 +127,15 @@ def judge(data: Recording, target_y: float, architecture: str, plan: PlacingPlan
         failure = f"lies {100 * distance:.1f} cm from the target"
     elif speed >= GENTLE:
         failure = f"came down with {speed:.2f} m/s"
-    until = time <= plan.retreat_begins
-    return Placement(
-        architecture,
-        failure is None,
-        failure,
-        y,
-        distance,
-        tilt,
-        None if landed is None else landed.time_s,
-        speed,
-        float(-sliding(data)[until].min()),
-        plan.slide.way,
-        rmse(data, "x", "x_cmd", ["y", "z"]),
-        name,
-    )
+    return {
+        "success": failure is None,
+        "failure": failure,
+        "final_y_m": y,
+        "distance_m": distance,
+        "tilt_rad": tilt,
+        "touchdown_time_s": landed and landed.time_s,
+        "touchdown_speed_m_s": speed,
+        "slid_m": float(-sliding(data)[time <= plan.retreat_begins].min()),
+        "planned_slide_m": plan.slide.way,
+        "position_rmse_m": rmse(data, "x", "x_cmd", ["y", "z"]),
+    }

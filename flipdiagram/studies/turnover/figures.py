@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -33,19 +34,18 @@ def write_figures(
     scenario = from_mapping(summary["scenario"])
     with Workers(2) as workers:
         shown = next(name for name in BEST if name in recordings)
-        tasks = [(_replay, (recordings, scenario, out)), (_strip, (recordings[shown], scenario, out))]
+        tasks = [
+            (write_replay, (recordings, scenario, out / "replay.html")),
+            (_strip, (recordings[shown], scenario, out)),
+        ]
         progress("rendering snapshots and replay, drawing figures")
         pending = workers.results(_call, tasks)
         _plots(recordings, out)
-        return [note for _, note in pending if note]
+        return [note for task, note in pending if task == 1 and note]
 
 
-def _call(function: Callable[..., str | None], arguments: tuple) -> str | None:
+def _call(function: Callable[..., Any], arguments: tuple) -> Any:
     return function(*arguments)
-
-
-def _replay(recordings: dict[str, Recording], scenario: Scenario, out: Path) -> None:
-    write_replay(recordings, scenario, out / "replay.html")
 
 
 def _strip(recording: Recording, scenario: Scenario, out: Path) -> str | None:

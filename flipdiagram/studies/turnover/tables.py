@@ -1,4 +1,4 @@
-"""The runs as tables, for a terminal and for the README."""
+"""The runs as a table."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ from typing import Any
 
 from flipdiagram.grid import Grid
 from flipdiagram.studies.study import Summary
-
-JOINT_2 = 1
 
 
 def tables(summary: Summary) -> list[Grid]:
@@ -20,10 +18,9 @@ def tables(summary: Summary) -> list[Grid]:
     )
     quantities = ["touch-down\n[rad]", "at y\n[cm]", "position\nRMSE [cm]", "angle\nRMSE [rad]"]
     quantities += ["acceleration\nRMSE [m/s²]", "joint 2\nmax [N m]", "slip\n[mm]", "delay\n[ms]", "× real\ntime"]
-    headings = ["architecture", "block", *quantities]
     rows = [_row(run) for run in summary["runs"]]
     failures = [str(run["failure"]) for run in summary["runs"]]
-    return [Grid(headings, rows, title, quantities, whole=["architecture"], bad=failures)]
+    return [Grid(["architecture", "block", *quantities], rows, title, quantities, whole=["architecture"], bad=failures)]
 
 
 def _row(run: dict[str, Any]) -> list[str]:
@@ -36,27 +33,8 @@ def _row(run: dict[str, Any]) -> list[str]:
         f"{100 * run['position_rmse_m']:.2f}",
         f"{run['angle_rmse_rad']:.3f}",
         f"{run['acceleration_rmse_m_s2']:.2f}",
-        f"{run['max_torque_Nm'][JOINT_2]:.1f}",
+        f"{run['max_torque_Nm'][1]:.1f}",
         "–" if run["max_slip_m"] is None else f"{1000 * run['max_slip_m']:.2f}",
         f"{1000 * run['velocity_delay_s']:.1f}",
         f"{run['real_time_factor']:.1f}",
     ]
-
-
-def turnover_markdown(summary: Summary) -> str:
-    """The runs of a turnover summary.json as a Markdown table, as the README shows it."""
-    quantities = ["touch-down", "position RMSE", "acceleration RMSE", "joint 2, max", "slip", "velocity delay"]
-    rows = [
-        [
-            f"`{run['architecture']}`",
-            "**turned over**" if run["success"] else run["failure"],
-            f"{run['touchdown']['theta_rad']:.2f} rad" if run["touchdown"] else "–",
-            f"{100 * run['position_rmse_m']:.2f} cm",
-            f"{run['acceleration_rmse_m_s2']:.2f} m/s²",
-            f"{run['max_torque_Nm'][JOINT_2]:.1f} N m",
-            f"{1000 * run['max_slip_m']:.1f} mm",
-            f"{1000 * run['velocity_delay_s']:.1f} ms",
-        ]
-        for run in summary["runs"]
-    ]
-    return Grid(["architecture", "block", *quantities], rows, right=quantities).markdown()

@@ -15,8 +15,8 @@ from flipdiagram.simulation.recording_files import save_recording
 from flipdiagram.studies.experiment import figures as experiment_figures
 from flipdiagram.studies.experiment import mujoco as engines
 from flipdiagram.studies.experiment import run as experiment
-from flipdiagram.studies.experiment.claims import TEXTS, Row, claims_of
-from flipdiagram.studies.experiment.run import body, recording_name
+from flipdiagram.studies.experiment.claims import TEXTS, claims_of, run_entry
+from flipdiagram.studies.experiment.run import recording_name
 from flipdiagram.studies.experiment.tables import claims_grid, engine_grid, engine_variants_grid, runs_grid
 
 STARTS = (0.0, 0.02, 0.04)
@@ -70,20 +70,22 @@ def rows(changes=None, starts=STARTS, names=ARCHITECTURES):
                 numbers = PAPERS[name] | {k: v(start) if callable(v) else v for k, v in change.items() if k != "plan"}
                 measured = replace(BASE, architecture=name, start_y_m=start, **numbers)
                 outcome = Outcome(measured, measured.failure, PLAN | change.get("plan", {}))
-            found.append(Row(start, name, outcome))
+            found.append(run_entry(start, name, outcome))
     return found
 
 
 def holds(*arguments, **settings):
-    return {claim.id: claim.holds for claim in claims_of(rows(*arguments, **settings))}
+    return {claim["id"]: claim["holds"] for claim in claims_of(rows(*arguments, **settings))}
 
 
 def test_in_the_papers_world_every_claim_holds():
     found = claims_of(rows())
-    assert [claim.id for claim in found] == [f"E{k}" for k in range(1, 9)]
-    assert all(claim.holds is True for claim in found)
-    assert not any(claim.difference for claim in found if claim.id in ("E5", "E6", "E7"))  # the paper's own numbers
-    said = {claim.id: claim.measured for claim in found}
+    assert [claim["id"] for claim in found] == [f"E{k}" for k in range(1, 9)]
+    assert all(claim["holds"] is True for claim in found)
+    assert not any(
+        claim["difference"] for claim in found if claim["id"] in ("E5", "E6", "E7")
+    )  # the paper's own numbers
+    said = {claim["id"]: claim["measured"] for claim in found}
     assert said["E1"] == "pd 0 of 3, pd+ff 0 of 3, pd+dob 3 of 3, pd+ff+dob 3 of 3"
     assert said["E3"] == "DOB lags 10.0 ms, FF+DOB leads 3.0 ms"
     assert said["E6"] == "1.10 ± 0.00 cm over 3 starts, last 1.10 cm"
@@ -121,7 +123,7 @@ def test_each_claim_fails_where_its_number_does(claim, changes):
 
 def test_means_are_over_the_starts():
     found = claims_of(rows({"pd+dob": {"position_rmse_m": lambda y: 0.010 + y}}))
-    means = next(claim for claim in found if claim.id == "E2").numbers["position_rmse_m"]
+    means = next(claim for claim in found if claim["id"] == "E2")["numbers"]["position_rmse_m"]
     assert means["pd+dob"] == pytest.approx(0.030)
     assert means["pd"] == pytest.approx(0.04)
 
@@ -129,49 +131,49 @@ def test_means_are_over_the_starts():
 def test_the_spread_is_that_of_a_sample_and_the_last_that_of_the_last_start():
     """0.9, 1.0, 1.1 cm, given in another order: 1.00 ± 0.10, last 1.10."""
     unordered = rows({"pd+ff+dob": {"position_rmse_m": lambda y: 0.009 + y / 20}}, starts=(0.04, 0.0, 0.02))
-    claim = next(c for c in claims_of(unordered) if c.id == "E6")
-    assert claim.measured == "1.00 ± 0.10 cm over 3 starts, last 1.10 cm" and claim.holds
+    claim = next(c for c in claims_of(unordered) if c["id"] == "E6")
+    assert claim["measured"] == "1.00 ± 0.10 cm over 3 starts, last 1.10 cm" and claim["holds"]
 
 
 def test_a_factor_of_two_from_the_paper_is_explained():
     other = {"pd+ff+dob": {"max_torque_Nm": [0, 50.0, 0, 0, 0, 0], "acceleration_rmse_m_s2": 2.0}}
-    found = {claim.id: claim for claim in claims_of(rows(other))}
-    assert "with FF × 0.24" in found["E7"].difference and "estimates" in found["E7"].difference
-    assert "without" not in found["E7"].difference.split(":")[0]  # 224 is the paper's
-    assert "with FF × 0.43" in found["E5"].difference
+    found = {claim["id"]: claim for claim in claims_of(rows(other))}
+    assert "with FF × 0.24" in found["E7"]["difference"] and "estimates" in found["E7"]["difference"]
+    assert "without" not in found["E7"]["difference"].split(":")[0]  # 224 is the paper's
+    assert "with FF × 0.43" in found["E5"]["difference"]
 
 
 def test_how_the_block_was_lost_is_said_beside_e1():
     claim = claims_of(rows())[0]
-    assert claim.numbers["struck_the_table"] == 3
-    assert claim.difference.startswith("in 3 of the 6 failures the blade struck the table first")
-    assert claims_of(rows({"pd": {"failure": "dropped at 0.3 s"}}))[0].difference == ""
+    assert claim["numbers"]["struck_the_table"] == 3
+    assert claim["difference"].startswith("in 3 of the 6 failures the blade struck the table first")
+    assert claims_of(rows({"pd": {"failure": "dropped at 0.3 s"}}))[0]["difference"] == ""
 
 
 @pytest.mark.parametrize("failure", ["no plan: unreachable", "diverged: not finite"])
 @pytest.mark.parametrize("name", ARCHITECTURES)
 def test_what_was_not_measured_is_not_judged_and_nothing_breaks(name, failure):
-    found = {claim.id: claim for claim in claims_of(rows({name: failure}))}
+    found = {claim["id"]: claim for claim in claims_of(rows({name: failure}))}
     assert list(found) == list(TEXTS)
     needs = (
         {"E2"}
         | ({"E3", "E4", "E5", "E7", "E8"} if "dob" in name else set())
         | ({"E6"} if name == "pd+ff+dob" else set())
     )
-    assert {id for id, claim in found.items() if claim.holds is None} == needs
+    assert {id for id, claim in found.items() if claim["holds"] is None} == needs
     for id in needs:
-        assert found[id].measured == f"not judged: nothing measured of {name}"
-    assert found["E1"].holds is ("dob" not in name)  # a run without a motion is no success
+        assert found[id]["measured"] == f"not judged: nothing measured of {name}"
+    assert found["E1"]["holds"] is ("dob" not in name)  # a run without a motion is no success
 
 
 def test_a_start_that_was_not_measured_fails_what_is_said_of_all_starts():
     lost = [
-        Row(row.start_y, row.architecture, Outcome(None, "diverged: not finite", PLAN))
-        if (row.start_y, row.architecture) == (0.02, "pd+ff+dob")
+        run_entry(0.02, "pd+ff+dob", Outcome(None, "diverged: not finite", PLAN))
+        if (row["start_y_m"], row["architecture"]) == (0.02, "pd+ff+dob")
         else row
         for row in rows()
     ]
-    found = {claim.id: claim.holds for claim in claims_of(lost)}
+    found = {claim["id"]: claim["holds"] for claim in claims_of(lost)}
     assert (found["E1"], found["E6"], found["E8"]) == (False, False, False)
     assert found["E5"] is True
 
@@ -192,7 +194,9 @@ def test_without_all_architectures_there_are_no_claims(names):
 
 def stored(found, tmp_path, second=None):
     """The summary as a reader gets it, through the file."""
-    path = write_summary(tmp_path / "summary.json", "experiment", Scenario(), body(found, engines=second))
+    parts = {"starts_y_m": STARTS, "architectures": ARCHITECTURES, "runs": found, "claims": claims_of(found)}
+    body = {"quick": False, **parts, "second_engine": second}
+    path = write_summary(tmp_path / "summary.json", "experiment", Scenario(), body)
     return json.loads(path.read_text())
 
 
@@ -221,7 +225,7 @@ def test_tables_and_figures_stand_gaps(changes, tmp_path):
     table = {row[0]: row for row in runs_grid(summary).rows}
     assert table["slip, largest [mm]"][1] == "–"
     assert len(claims_grid(summary).rows) == 8
-    experiment_figures.plot_by_start(body(found)["runs"])
+    experiment_figures.plot_by_start(found)
     none = {name: [] for name in ARCHITECTURES}
     for figure in (experiment_figures.plot_paths, experiment_figures.plot_cone_use):
         figure(none)

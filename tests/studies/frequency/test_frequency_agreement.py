@@ -61,7 +61,7 @@ def test_fundamental_closed_form_and_linearisation_agree(observer):
     cut_offs = sorted({of.g_dis, *PAPER.frequency.g_dis, *PAPER.frequency.torque_g_dis})
     loops = laboratory.stable(laboratory.loops(cut_offs))
     assert set(laboratory.unstable) == {(name, g) for name in WITH_OBSERVER for g in UNSTABLE.get(observer, ())}
-    commanded, noisy = laboratory.command(loops, OMEGA), laboratory.noise(loops, OMEGA)
+    commanded, noisy = laboratory.responses(loops, OMEGA), laboratory.responses(loops, OMEGA, "noise")
     assert set(commanded) == set(loops)
     for loop in loops:
         form = closed_form(of, loop)
@@ -99,6 +99,6 @@ def test_they_agree_for_other_numbers_than_the_papers(mass, k_p, k_v, g, ratio, 
     of = PAPER.one_dof.model_copy(update=changes)
     laboratory = Laboratory(of, PAPER.frequency, lenient=True)
     omega = [3.0, 40.0, 1000.0, 3000.0]
-    for loop, response in laboratory.command(laboratory.loops((g,)), omega).items():
+    for loop, response in laboratory.responses(laboratory.loops((g,)), omega).items():
         assert_equal_responses(-response.x, closed_form(of, loop).command(omega))
         assert_equal_responses(linearised(loop, of, omega), closed_form(of, loop).command(omega))

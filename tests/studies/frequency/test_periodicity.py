@@ -11,7 +11,7 @@ from flipdiagram.studies.frequency import run as frequency
 from flipdiagram.studies.frequency import tables as frequency_tables
 from flipdiagram.studies.frequency.laboratory import Laboratory, Measured
 from flipdiagram.studies.frequency.periodicity import MOST_WINDOWS, judge, repetitions, whole_frequency
-from flipdiagram.studies.frequency.sweep import measure
+from flipdiagram.studies.frequency.sweep import Windows, measure
 
 # NumPy reports the floating-point flags that Drake's symbolic scalars leave behind.
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
@@ -33,7 +33,7 @@ class Logistic:
     def __init__(self):
         self.omegas = []
 
-    def run(self, ticks, parameters, state=None, start=0, threads=None):
+    def run(self, ticks, parameters, state=None, start=0):
         n = len(parameters["omega"])
         ticks, start = np.broadcast_to(ticks, (n,)), np.broadcast_to(start, (n,))
         if state is None:
@@ -65,15 +65,15 @@ def test_what_a_loop_does_is_told_from_its_windows():
     loop, r = Logistic(), np.array(list(KINDS))
     omega = np.full(len(r), 10.0)
     found, steps = repetitions(loop, omega, [6283] * len(r), {"r": r}, 100, tolerance=1e-5)
-    assert [each.verdict for each in found] == list(KINDS.values())
+    assert [each["verdict"] for each in found] == list(KINDS.values())
     # 6283 ticks of 1 ms are ten periods of 10 rad/s, but for a part of a tick
-    assert [each.periods for each in found] == [10, None, None, 20, 40, None]
-    assert all(each.omega == pytest.approx(20 * np.pi / 6.283, rel=1e-15) for each in found)
+    assert [each["repeats_after_periods"] for each in found] == [10, None, None, 20, 40, None]
+    assert all(each["judged_at_omega_rad_s"] == pytest.approx(20 * np.pi / 6.283, rel=1e-15) for each in found)
     for driven in loop.omegas:
         assert driven == pytest.approx(20 * np.pi / 6.283, rel=1e-15)
-    assert [each.spread <= 1e-5 for each in found] == [True, False, False, True, True, False]
-    assert found[0].windows < MOST_WINDOWS and found[5].windows == MOST_WINDOWS
-    assert steps == 6283 * (found[0].windows + 5 * MOST_WINDOWS) + 6 * 100
+    assert [each["spread_there"] <= 1e-5 for each in found] == [True, False, False, True, True, False]
+    assert found[0]["windows"] < MOST_WINDOWS and found[5]["windows"] == MOST_WINDOWS
+    assert steps == 6283 * (found[0]["windows"] + 5 * MOST_WINDOWS) + 6 * 100
 
 
 @pytest.mark.parametrize("r", [2.95, 1.15])
@@ -82,11 +82,11 @@ def test_settling_says_after_how_many_windows(r):
     amplitudes = [0.4, 0.4 * r * 0.6]
     while abs(amplitudes[-1] / amplitudes[-2] - 1) > 1e-5:
         amplitudes.append(r * amplitudes[-1] * (1 - amplitudes[-1]))
-    assert found.windows == pytest.approx(len(amplitudes) - 1, rel=0.15) and found.windows > MOST_WINDOWS
+    assert found["windows"] == pytest.approx(len(amplitudes) - 1, rel=0.15) and found["windows"] > MOST_WINDOWS
 
 
 def test_the_spreads_of_a_measurement_are_of_fundamental_and_rms():
-    response = measure(Logistic(), [10.0, 10.0], {"r": [2.5, 3.2]}, 0, tolerance=1e-5, most_windows=9)
+    response = measure(Windows(Logistic(), [10.0, 10.0], {"r": [2.5, 3.2]}, 0), tolerance=1e-5, most_windows=9)
     assert response.steady.tolist() == [True, False]
     assert (response.spread_x <= response.spread).all()
     # 3.2 goes to and fro between 0.51304 and 0.79946
@@ -123,7 +123,7 @@ def test_held_friction_feels_the_part_of_a_tick_that_a_period_leaves():
         settings = PAPER.one_dof.model_copy(update={"friction_model": law})
         laboratory = Laboratory(settings, PAPER.frequency)
         loops = [("pd+ff", 0.0), ("pd+ff+dob", 10.0)]
-        responses = laboratory.command(loops, omega, friction=True)
+        responses = laboratory.responses(loops, omega, "friction")
         before = laboratory.steps
         found[law] = frequency.unsteady_responses(laboratory, Measured(settings, PAPER.frequency, friction=responses))
         missed = [response.steady[i] for response in responses.values() for i in (0, 1)].count(False)

@@ -67,7 +67,7 @@ def judged(plan, y=0.10, tilt=0.0, speed=0.1):
     pose[landed - 2 : landed, 5] = 0.1
     pose[landed - 2 : landed, 6] = [0.3 + speed * 1e-3, 0.3]
     pose[-1] = [np.cos(tilt / 2), np.sin(tilt / 2), 0, 0, 0.5, y, 0.205]
-    return place.judge(data, 0.10, "pd+ff+dob", plan, "x.nc")
+    return place.judge(data, 0.10, plan)
 
 
 @pytest.mark.parametrize(
@@ -85,4 +85,4 @@ def judged(plan, y=0.10, tilt=0.0, speed=0.1):
 )
 def test_a_placement_is_judged_by_place_tilt_and_speed(plan, changes, failure):
     found = judged(plan, **changes)
-    assert (found.success, found.failure) == (failure is None, failure)
+    assert (found["success"], found["failure"]) == (failure is None, failure)

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from patience import HUNG, loaded
 
+from flipdiagram.grid import Grid
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.simulation.recording_files import load_recording
-from flipdiagram.studies.turnover.tables import turnover_markdown
 
 COMMAND = [sys.executable, "-m", "flipdiagram", "flip"]
 
@@ -145,6 +145,25 @@ def test_ctrl_c_stops_within_two_seconds_and_keeps_finished_runs(tmp_path):
             break
         time.sleep(0.1)
     assert not alive
+
+
+def turnover_markdown(summary):
+    """The runs of a turnover summary.json as a Markdown table, as the README shows it."""
+    quantities = ["touch-down", "position RMSE", "acceleration RMSE", "joint 2, max", "slip", "velocity delay"]
+    rows = [
+        [
+            f"`{run['architecture']}`",
+            "**turned over**" if run["success"] else run["failure"],
+            f"{run['touchdown']['theta_rad']:.2f} rad" if run["touchdown"] else "–",
+            f"{100 * run['position_rmse_m']:.2f} cm",
+            f"{run['acceleration_rmse_m_s2']:.2f} m/s²",
+            f"{run['max_torque_Nm'][1]:.1f} N m",
+            f"{1000 * run['max_slip_m']:.1f} mm",
+            f"{1000 * run['velocity_delay_s']:.1f} ms",
+        ]
+        for run in summary["runs"]
+    ]
+    return Grid(["architecture", "block", *quantities], rows, right=quantities).markdown()
 
 
 def test_the_readme_shows_the_numbers_of_this_run(summary):
