@@ -1,7 +1,5 @@
 """Types of NumPy arrays; a docstring gives the shape and the unit of each."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The exceptions of flipdiagram: one class per way of going wrong, with the exit code of the command line."""
 
-from __future__ import annotations
-
 from typing import Any, Self
 
 

@@ -12,8 +12,6 @@ time `t` [s], or plain attributes.  An output depends on what its law takes, and
 that Drake is told of is that of the law.
 """
 
-from __future__ import annotations
-
 import inspect
 import sys
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """A camera that sees where the object lies on the blade: sampled, late and noisy."""
 
-from __future__ import annotations
-
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform

@@ -1,7 +1,5 @@
 """The box MPC of Fig. 4: plans the motion at the start of the run and plays it out as commands."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """The box MPC in the full sense: it plans the rest of the motion again while the block is on the spatula."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """What a campaign says: success rates and their differences, failures, what matters, maps, quantiles."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from typing import Any

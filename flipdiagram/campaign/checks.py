@@ -1,7 +1,5 @@
 """From a campaign's file to a Specification: all that can be known before anything runs is checked."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from contextlib import suppress

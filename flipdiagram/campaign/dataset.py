@@ -1,7 +1,5 @@
 """A campaign's file as an xarray.Dataset of trials × architectures, and as CSV, Parquet and NetCDF."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What a field may be: a distribution as the inverse of its cumulative probability, or a list of values."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

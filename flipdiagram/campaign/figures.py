@@ -1,7 +1,5 @@
 """Pictures of a campaign: success and failures, what matters, success over two parameters, errors."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What a campaign's file says, written out: summary.json, figures, and campaign.md."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A campaign from its specification to its file: what is missing is flown, by whatever workers."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass

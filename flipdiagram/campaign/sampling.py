@@ -1,7 +1,5 @@
 """Points in the unit cube, one row a trial: grid, Latin hypercube, Sobol, Saltelli's design for Sobol indices."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Which parameter matters: by ranks from any sample, and Sobol indices where the sampler was made for them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """A campaign as it is asked for: base scenario, what varies and how, trials, architectures; numbered, reproducible."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """A campaign's file as it stands there: which keys, of which kind; each error one line with its line number."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Rates and differences with their uncertainty: pure functions of counts."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """A campaign's analysis as tables and as a section of Markdown."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Gains that work most often: a search by optuna over the trials of a campaign, judged on trials it has not seen."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

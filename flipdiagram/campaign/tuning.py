@@ -1,7 +1,5 @@
 """What is to be tuned: the section `tune` of a campaign's file, and its goal as a number."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ The scripts are static text made from the parser itself by `shtab`: a shell that
 `eval "$(flipdiagram completion bash)"`, the same with zsh, and `flipdiagram completion fish | source` switch it on.
 """
 
-from __future__ import annotations
-
 import argparse
 from typing import get_args
 

@@ -1,7 +1,5 @@
 """The drawings of `flipdiagram diagram`: which diagram is drawn, and where the drawing goes."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The options of the command line: what may be written, checked as far as words alone can tell."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Any, NoReturn

@@ -1,7 +1,5 @@
 """What a command shows on a terminal: tables, and progress as one moving line; plain lines into files and pipes."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """What a compiled and a simulated diagram have in common: names in, a batch of channels, named results out."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

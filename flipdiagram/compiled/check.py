@@ -1,7 +1,5 @@
 """The compiled diagram against Drake: the same steps, from the states that Drake's Simulator goes through."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from flipdiagram.arrays import Floats, Indices

@@ -1,7 +1,5 @@
 """``compile_diagram``: a Drake Diagram as a native loop over many channels."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

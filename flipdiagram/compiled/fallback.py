@@ -1,7 +1,5 @@
 """The same interface on Drake's Simulator: any diagram, one channel after another."""
 
-from __future__ import annotations
-
 from typing import Any, NoReturn
 
 import numpy as np

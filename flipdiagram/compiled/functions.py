@@ -5,8 +5,6 @@ tests/compiled/test_functions.py measures; sin -0.0 is 0.0. The same on every ma
 and fused ones, each rounded once, in an order that is fixed.
 """
 
-from __future__ import annotations
-
 import math
 
 from llvmlite import ir  # type: ignore[import-untyped]

@@ -1,7 +1,5 @@
 """Expressions as a graph without repetition: equal subexpressions, of whatever block, are one node."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from functools import partial, reduce
 from typing import Any

@@ -1,7 +1,5 @@
 """A printed kernel as machine code, made once: the object file stays in the user's cache folder."""
 
-from __future__ import annotations
-
 import ctypes
 import hashlib
 import os

@@ -1,7 +1,5 @@
 """Names of parameters, states, inputs and outputs, and the flat vectors behind them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Exact linearisation: the chain rule through the program, then poles and frequency response in z."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

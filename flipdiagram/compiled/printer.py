@@ -10,8 +10,6 @@ Not left to a compiler that may or may not vectorise a loop: the vectors are wri
         store the states
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from llvmlite import ir  # type: ignore[import-untyped]

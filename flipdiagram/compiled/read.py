@@ -1,7 +1,5 @@
 """Reads what each block computes, block by block, through its symbolic form, and joins the blocks in one graph."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import partial

@@ -1,7 +1,5 @@
 """A Diagram without its levels: its leaves, where each input comes from, and the one period they share."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from typing import Any

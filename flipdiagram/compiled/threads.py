@@ -1,7 +1,5 @@
 """A kernel over all channels, in pieces, on several threads."""
 
-from __future__ import annotations
-
 import os
 from concurrent.futures import ThreadPoolExecutor
 

@@ -1,7 +1,5 @@
 """LLVM instructions on vectors of eight lanes, one for each channel."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any

@@ -1,7 +1,5 @@
 """The arrows of a figure, each written on a line by its signal and the boxes at its ends."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from functools import partial
 

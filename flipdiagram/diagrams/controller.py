@@ -7,8 +7,6 @@ The four architectures differ by which boxes are present, never by a zero gain. 
 of the paper's text; this is its reconstruction from section II-C.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

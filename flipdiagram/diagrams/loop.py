@@ -1,7 +1,5 @@
 """Controller and cell closed into one diagram: the whole of Fig. 4."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

@@ -7,8 +7,6 @@ A controller is any System with one channel and an output `force` [N] that has s
 v_cmd [m/s], a_cmd [m/s²], x [m], v [m/s]: those of the four architectures come from `build_controller`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort, System

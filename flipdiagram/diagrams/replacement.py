@@ -1,7 +1,5 @@
 """A box of the user's own in the place of one of Fig. 4: which place, and whether its ports fit."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Graph → DOT, the language of Graphviz, and DOT → picture by Graphviz's program `dot`."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from html import escape

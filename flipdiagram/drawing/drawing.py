@@ -1,7 +1,5 @@
 """Drake Diagram → drawing: DOT, SVG, PNG, Mermaid, and the table of sample times."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Callable, Collection, Mapping

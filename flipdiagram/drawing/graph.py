@@ -1,7 +1,5 @@
 """What a drawing shows: the boxes and arrows of a Drake Diagram, down to a depth, in an order of its own."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Which way the arrows of a drawing run: the main path from left to right, feedback from right to left below it."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Graph → Mermaid flowchart, which GitHub and notebooks draw themselves."""
 
-from __future__ import annotations
-
 from flipdiagram.drawing.graph import Box, Graph, Names
 from flipdiagram.drawing.layout import Line
 from flipdiagram.drawing.style import Style

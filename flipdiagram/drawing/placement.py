@@ -1,7 +1,5 @@
 """Graphviz places the boxes; from there on the arrows are ours, and Graphviz draws what stands where."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Sample times, ports and direct feed-through of the systems of a drawing, as a table."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Colours and second lines of the boxes: plain, or by sample time.  Tints of Okabe and Ito's colour-blind-safe set."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from flipdiagram.drawing.graph import Box, class_of, full_name

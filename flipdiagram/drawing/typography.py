@@ -1,7 +1,5 @@
 """Names of boxes and signals as they are set in a drawing: x_cmd as x with a subscript, qdd_ref as q̈ with one."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from html import escape
 

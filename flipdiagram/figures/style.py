@@ -3,8 +3,6 @@
 Figures are Figure objects without pyplot, so there is no display and no global state.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

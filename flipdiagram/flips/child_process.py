@@ -6,8 +6,6 @@ becomes of the trial whose call ends so is decided in `driver`.
 A child is a plain subprocess on a socket pair: nothing listens, and it may be started where daemons may not fork.
 """
 
-from __future__ import annotations
-
 import os
 import pickle
 import signal

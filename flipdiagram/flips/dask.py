@@ -1,7 +1,5 @@
 """The same calls on the workers of an existing Dask scheduler (extra `cluster`)."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from typing import Any
 

@@ -10,8 +10,6 @@ What becomes of a trial whose process hangs, crashes or is killed:
 Whichever it is, the other trials go on, and what has ended is in the file already.
 """
 
-from __future__ import annotations
-
 import queue
 import time
 from asyncio import CancelledError

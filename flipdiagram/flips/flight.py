@@ -1,7 +1,5 @@
 """What a worker does: plan a motion, fly a trial.  Scenarios and plans travel as data, diagrams do not."""
 
-from __future__ import annotations
-
 import logging
 import socket
 import time

@@ -1,7 +1,5 @@
 """The question that a flip answers, and its names: equal questions have equal keys, so that none is flown twice."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Collection

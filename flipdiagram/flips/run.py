@@ -1,7 +1,5 @@
 """Flips of a study: planned once per motion, flown once per question, kept as they end in `runs.sqlite`."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path

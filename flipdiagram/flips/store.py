@@ -1,7 +1,5 @@
 """What is kept of flips, of a campaign's as of a study's: one row each in SQLite, committed when it ends."""
 
-from __future__ import annotations
-
 import json
 import sqlite3
 import zlib

@@ -3,8 +3,6 @@
 Version 1 was of campaigns alone, and is read; flips of studies stood in a file of another kind, which is refused.
 """
 
-from __future__ import annotations
-
 import fcntl
 import os
 import platform

@@ -1,7 +1,5 @@
 """Processes that make calls: children of this process, each owned by a thread, or the workers of a Dask cluster."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed, wait

@@ -3,8 +3,6 @@
 Both give the same numbers to rounding.  The second is some twenty times sooner, and only for serial chains.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from flipdiagram.arrays import Floats

@@ -6,8 +6,6 @@ and at q the axis is where T_{i-1} brings it, the link where T_i does.  Nothing 
 as numba's cache would not notice that it has changed.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -8,8 +8,6 @@ singular values S = P Σ Q the coordinates scaled by (1 + Σ²)^−½ along Q ma
 left for each solve is to multiply the rows by that matrix, and DAQP, which starts without a factorisation.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Sequence

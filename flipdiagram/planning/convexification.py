@@ -1,7 +1,5 @@
 """Successive convexification of one horizon: linearise, solve the quadratic program, again until θ settles."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

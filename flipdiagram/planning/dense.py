@@ -8,8 +8,6 @@ rows, whatever DAQP was given; where it does not keep them, those that it violat
 take DAQP 2.5 times as long with 25 intervals and 35 times with 50.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Dynamics of a serial chain along many samples, as loops that numba compiles: recursive Newton-Euler equations."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

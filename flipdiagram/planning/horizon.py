@@ -5,8 +5,6 @@ sample `release` = the largest number of contact samples, so a shorter contact p
 `release − n_contact` intervals wait at rest.  One program thus serves every horizon of the search.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Loops as machine code.  numba is imported where something is compiled: that takes half a second."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from typing import Any, TypeVar, cast

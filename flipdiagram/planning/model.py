@@ -4,8 +4,6 @@ The state is that of the object, x̂ = [y, z, θ, v_y, v_z, v_θ] (3), the input
 sticks to the tool both move as one; after the release the object flies with input u = (0, g_z, 0).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

@@ -5,8 +5,6 @@
 3. wait until its lower edge stands on the table, and draw the blade away along itself.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 

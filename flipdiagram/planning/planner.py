@@ -1,7 +1,5 @@
 """From a scenario to a Plan: a search over the horizons, each settled by successive convexification."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 

@@ -6,8 +6,6 @@ solution unique and smooth.  An elastic program carries one slack per group of c
 a solution where the plain one has none, and its slacks name the constraint that cannot be met.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The rest of a motion planned again from where the tool is, warm-started from the plan that it follows."""
 
-from __future__ import annotations
-
 import time
 from itertools import product
 

@@ -1,7 +1,5 @@
 """A piece of motion from one rest to another, as smooth as the contact allows: a quadratic program, re-linearised."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

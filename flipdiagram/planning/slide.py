@@ -3,8 +3,6 @@
 On a blade at rest the object slides when tan θ > μ.  Along the tangent s, downwards:  σ̈ = −|g| (sin θ − μ cos θ).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The robot cell of section IV: arm, spatula, block and table in one MultibodyPlant, with joint friction."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

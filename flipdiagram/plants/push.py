@@ -1,7 +1,5 @@
 """A push on the spatula: a force for a while, which nobody told the controller of."""
 
-from __future__ import annotations
-
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.multibody.math import SpatialForce

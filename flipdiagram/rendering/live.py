@@ -1,7 +1,5 @@
 """The flip while it is being simulated, in a browser through Meshcat."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Sequence

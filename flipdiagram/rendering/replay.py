@@ -5,8 +5,6 @@ Drake's Meshcat brings viewer and animation; names, verdicts and the clock are a
 forbids every request to a server. `replay.html#t=0.3&cell=2` opens stopped at 0.3 s, at the third cell.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 from collections.abc import Mapping

@@ -5,8 +5,6 @@ be told from one that was not turned. Frames as in a recording: world = base of 
 (qw, qx, qy, qz, x, y, z) [1, m].
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

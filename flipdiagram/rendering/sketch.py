@@ -1,7 +1,5 @@
 """The cell as a line drawing, seen by the same camera as a rendering: what `snapshots.py` falls back on."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import product
 from typing import Any

@@ -1,7 +1,5 @@
 """All claims, C1–C14 and E1–E8, in one list: what the paper says, whether it holds, what was measured."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from flipdiagram.grid import BAD, Grid, verdict

@@ -1,7 +1,5 @@
 """Sentences derived from the border maps: where an architecture works, and which verdicts are fragile."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Markdown to one HTML file that needs no other: pictures inside, no script, no network."""
 
-from __future__ import annotations
-
 import html
 import re
 from base64 import b64encode

@@ -1,7 +1,5 @@
 """The text of the report.  Every number in it comes from the studies' summaries."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from flipdiagram.report.claims import claims_grid

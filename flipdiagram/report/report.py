@@ -1,7 +1,5 @@
 """From the studies to summary.json, report.md and the self-contained report.html."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Every number that a run assumes: its value, unit, and where it comes from, read from the scenario and the models."""
 
-from __future__ import annotations
-
 import re
 
 from flipdiagram.grid import Grid

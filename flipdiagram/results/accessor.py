@@ -1,7 +1,5 @@
 """The accessor `flip` of recordings: figures, metrics, scenario, export."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Two results side by side: what differs in signals, metrics, scenario, verdicts and numbers."""
 
-from __future__ import annotations
-
 import itertools
 import os
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Nested results as named leaves, and which of them differ."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence

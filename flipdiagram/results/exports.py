@@ -1,7 +1,5 @@
 """What `flipdiagram campaign --export` wrote, back as the Dataset that it was written from."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What a file of results holds, as a table: for `flipdiagram info FILE`."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any

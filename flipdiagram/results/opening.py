@@ -1,7 +1,5 @@
 """Files of results back as objects, with one-line errors for what cannot be read."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """One recording as Matplotlib axes; nothing here simulates, and there is no pyplot."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any

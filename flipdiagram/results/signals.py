@@ -1,7 +1,5 @@
 """The signals of a recording one by one: flat names such as `x_y` and `tau_S`, and the unit of each."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """summary.json of each study as xarray Datasets, with units: the `read` of its record."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Which arm turns the block, mh3f.urdf or one of the user's own: its numbers scaled, where it stands, its tool."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

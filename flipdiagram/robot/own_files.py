@@ -5,8 +5,6 @@ shapes of the arm are left out: what touches in this task is blade, block and ta
 replaced by cylinders from joint to joint.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from pathlib import Path

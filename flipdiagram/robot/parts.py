@@ -1,7 +1,5 @@
 """The parts of a scenario: arm with its spatula, block and table, for planner, controller, cell and pictures alike."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, fields
 from pathlib import Path

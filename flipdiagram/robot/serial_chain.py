@@ -1,7 +1,5 @@
 """An arm's chain of revolute joints as arrays, read from its plant: for loops that do without Drake's objects."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

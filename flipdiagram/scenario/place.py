@@ -1,7 +1,5 @@
 """The section of the scenario about laying the object down: it slides off a tilted spatula."""
 
-from __future__ import annotations
-
 from flipdiagram.scenario.text import Section, quantity
 
 

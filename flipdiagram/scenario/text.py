@@ -4,8 +4,6 @@ Nothing here knows a section by name: `model` is the class of a whole tree, whos
 Whatever is wrong ends in a one-line `ScenarioError`: the path of the field, the value given, and what is valid.
 """
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Mapping
 from types import NoneType, UnionType

@@ -5,8 +5,6 @@ PyYAML parses; three things are added that no YAML library for Python has togeth
 that stand twice, and the line of every key.  A tag that would run code is refused.
 """
 
-from __future__ import annotations
-
 import re
 import reprlib
 from collections.abc import Hashable, Iterable

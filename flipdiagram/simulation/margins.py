@@ -4,8 +4,6 @@ Planned signals (`_cmd`) take the command for the motion and the object as the p
 forces that acted.  Both are nan where blade and block do not touch (planned: after the planned release).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 

@@ -1,7 +1,5 @@
 """What is measured of a recorded flip: pure functions of the recording, never of the plan's promises."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from typing import Any
 

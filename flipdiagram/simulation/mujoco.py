@@ -7,8 +7,6 @@ collide in Drake, and each pair gets the friction coefficient that Drake combine
 MuJoCo's block, so that `metrics` judges both engines alike.  MuJoCo is an optional extra, imported when it is used.
 """
 
-from __future__ import annotations
-
 import importlib
 import math
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Recordings as files: NetCDF with the verdict beside the signals."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import xarray as xr

@@ -1,7 +1,5 @@
 """The only user of Simulator: runs a loop and returns its recording."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Campaigns and the tuner as studies: what the options of `flipdiagram campaign` ask for."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

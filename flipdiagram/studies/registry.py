@@ -1,7 +1,5 @@
 """The studies, a record each.  A new one: a folder beside these with run, figures and tables, and its record here."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What a study is: one record of its command, its run, its figures, its tables, and how its results are read."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress

@@ -5,8 +5,6 @@ tool, its normal n = (−sin θ, cos θ) and tangent s = (cos θ, sin θ).  Grav
 g_z = −9.81 m/s².  All functions broadcast over leading dimensions.
 """
 
-from __future__ import annotations
-
 from enum import IntEnum
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pictures of the border maps: one panel an architecture, colour the position error, a line where it stops working."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

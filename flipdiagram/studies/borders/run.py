@@ -1,7 +1,5 @@
 """Where each controller stops working: maps of real flips, and how far the verdict depends on solver and estimates."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path

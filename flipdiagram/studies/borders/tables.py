@@ -1,7 +1,5 @@
 """The border maps and the variations of solver and estimates as tables."""
 
-from __future__ import annotations
-
 from flipdiagram.grid import Grid
 from flipdiagram.scenario.scenario import ARCHITECTURES
 from flipdiagram.studies.study import Summary

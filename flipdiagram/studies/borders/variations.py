@@ -1,7 +1,5 @@
 """Is it physics or the solver?  The same flips under other contact models, solvers, steps, and estimates of inertia."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, get_args

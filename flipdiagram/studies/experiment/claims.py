@@ -1,7 +1,5 @@
 """The claims E1–E8 of section IV, judged from the measured runs alone, each with the paper's number beside ours."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

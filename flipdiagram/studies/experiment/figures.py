@@ -1,7 +1,5 @@
 """Pictures of the experiment of section IV: Figs 13–15 with all starts overlaid, cone use, and the numbers by start."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A second engine's verdict on the flips of the experiment: the recorded tool motion with the block in MuJoCo."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.util import find_spec

@@ -1,7 +1,5 @@
 """Section IV: the flip from eight starts under each architecture, as the paper's experiment did it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The experiment of section IV as tables: by architecture beside the paper, E1–E8, and the second engine's verdicts."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Noise gain by spectra: white velocity noise in, position out, Welch's method."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import signal
 

@@ -4,8 +4,6 @@ A word of the paper becomes a number here, in the constants below.  Gains are ra
 Figs 5 and 6 of the acceleration; phases come from the fundamental.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """The curves of Figs 5–10 as entries of summary.json, with the closed form beside each linear one."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ Measured curves have the style of their architecture, lighter for a smaller g_di
 friction is the thin black line.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast

@@ -1,7 +1,5 @@
 """Section III as experiments: every loop compiled once, then driven by commands, noise and swept cut-offs."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence

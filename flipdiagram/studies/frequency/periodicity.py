@@ -7,8 +7,6 @@ nearest frequency whose window of N ticks is m whole periods, ω' = 2π m/(N T).
 periodically, and its readings tell what it does: repeat, repeat only every p-th window, settle, or none of these.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """How an observer may be realised, and which claims hold under which realisation."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

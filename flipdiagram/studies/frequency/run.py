@@ -1,7 +1,5 @@
 """Section III: what each block does to gain, phase, error, torque and noise (Figs 5–10), and the claims C1–C14."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The claims C1–C14 and the realisations of the observer as tables."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any

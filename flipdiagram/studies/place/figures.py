@@ -1,7 +1,5 @@
 """Pictures of laying the object down: contact states over the motion (the paper's Fig. 2), the slide, and the path."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

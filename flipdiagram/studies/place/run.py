@@ -1,7 +1,5 @@
 """Laying the object down by letting it slide off a tilted spatula: plan, simulate, judge."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

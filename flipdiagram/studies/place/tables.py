@@ -1,7 +1,5 @@
 """What became of the object that was laid down, as a table."""
 
-from __future__ import annotations
-
 from flipdiagram.grid import Grid
 from flipdiagram.studies.study import Summary
 

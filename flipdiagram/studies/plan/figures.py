@@ -1,7 +1,5 @@
 """The planned motion as a figure."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, cast
 

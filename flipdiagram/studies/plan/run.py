@@ -1,7 +1,5 @@
 """The planned motion alone."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from flipdiagram.files import write_atomically, write_summary

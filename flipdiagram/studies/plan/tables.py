@@ -1,7 +1,5 @@
 """The numbers of the planned motion as a table."""
 
-from __future__ import annotations
-
 from flipdiagram.grid import Grid, number
 from flipdiagram.studies.study import Summary
 

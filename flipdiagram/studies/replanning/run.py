@@ -1,7 +1,5 @@
 """What planning again buys: the same disturbed flips with the plan made once, and with four ways of replanning."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import product
 from pathlib import Path

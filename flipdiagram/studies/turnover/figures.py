@@ -1,7 +1,5 @@
 """The pictures of a study, drawn from its results: Figs 12–15, further figures, and the replay."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Section IV for one start: the flip under each architecture, side by side."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

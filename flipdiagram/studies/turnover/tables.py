@@ -1,7 +1,5 @@
 """The runs as a table."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from flipdiagram.grid import Grid
