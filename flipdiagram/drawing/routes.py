@@ -1,7 +1,5 @@
 """Arrows of horizontal and vertical pieces between placed boxes, as textbooks draw them, and places for their names."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
@@ -57,16 +55,16 @@ class Rectangle(NamedTuple):
         left, bottom, right, top = self
         return (left, bottom), (right, bottom), (right, top), (left, top), (left, bottom)
 
-    def shifted(self, upwards: float) -> Rectangle:
+    def shifted(self, upwards: float) -> "Rectangle":
         """The same further up."""
         return Rectangle(self.left, self.bottom + upwards, self.right, self.top + upwards)
 
-    def grown(self, across: float, upwards: float | None = None) -> Rectangle:
+    def grown(self, across: float, upwards: float | None = None) -> "Rectangle":
         """The same with its sides moved outwards, top and bottom as the others unless told."""
         up = across if upwards is None else upwards
         return Rectangle(self.left - across, self.bottom - up, self.right + across, self.top + up)
 
-    def overlaps(self, other: Rectangle) -> bool:
+    def overlaps(self, other: "Rectangle") -> bool:
         """Whether the two share an area."""
         across = self.left < other.right and other.left < self.right
         return across and self.bottom < other.top and other.bottom < self.top

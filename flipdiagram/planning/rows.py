@@ -4,8 +4,6 @@ A constraint asks that margin(w) ≥ 0.  At the decision vector w̄ of the traje
     margin(w) ≈ margin(w̄) + slope · (w − w̄) ≥ 0   ⇔   −slope · w ≤ margin(w̄) − slope · w̄.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -49,7 +47,7 @@ class Rows:
     """Names of the constraints that the rows stand for, and how many rows in turn belong to each."""
 
     @classmethod
-    def about(cls, w: Floats, parts: Sequence[Part]) -> Rows:
+    def about(cls, w: Floats, parts: Sequence[Part]) -> "Rows":
         """Constraints linearised about the trajectory whose decision vector is w."""
         first = np.cumsum([0, *(each.margin.size for each in parts)]).tolist()
         rows = np.concatenate([each.rows + k for each, k in zip(parts, first, strict=False)])
@@ -95,7 +93,7 @@ class Constraint:
     p: Floats
 
     @classmethod
-    def of(cls, group: str, law: Law, columns: Sequence[Any], *p: Any) -> Constraint:
+    def of(cls, group: str, law: Law, columns: Sequence[Any], *p: Any) -> "Constraint":
         """From columns and numbers that broadcast against each other."""
         shape = np.broadcast_shapes(*map(np.shape, columns), *map(np.shape, p))
         full = [[np.broadcast_to(value, shape).ravel() for value in values] for values in (columns, p)]
