@@ -1,7 +1,8 @@
 """Fig. 4 of the paper: the boxes of one architecture, added to a diagram in the order of the figure.
 
     [mpc] → x_cmd, v_cmd → [pd] → (+) → [inverse_jacobian] → [nominal_inertia] → (+) → [torque_limit] → robot
-      └─── a_cmd → [feedforward] ──┘                       [disturbance_observer] ┘
+      └─── a_cmd → [feedforward] ──┘
+    robot → q, qd → [tool_kinematics] → x, v → [pd];   tau, qd → [disturbance_observer] → tau_dis → second (+)
 
 The four architectures differ by which boxes are present, never by a zero gain.  The drawing itself is not in our copy
 of the paper's text; this is its reconstruction from section II-C.
@@ -185,7 +186,7 @@ def _boxes(
     settings, n = scenario.controller, arm.n_joints
     boxes: dict[str, LeafSystem] = {
         "pd": ProportionalDerivative(np.full(CHANNELS, settings.k_p), np.full(CHANNELS, settings.k_v)),
-        "inverse_jacobian": InverseJacobian(arm, n, CHANNELS, settings.k_v),
+        "inverse_jacobian": InverseJacobian(arm, n, CHANNELS, inner_damping=settings.k_v),
         "nominal_inertia": NominalInertia(inertia),
         "torque_limit": TorqueLimit(arm.tau_max),
         "tool_kinematics": ToolKinematics(arm, n, CHANNELS),

@@ -5,7 +5,7 @@ What becomes of a trial whose process hangs, crashes or is killed:
 * It takes longer than it may: its process is killed, and `timeout` is its outcome.
 * It raises an exception: that is a bug, `crashed` is its outcome, and the exception stands in its row.
 * Its process is lost in the middle, killed or out of memory: that says nothing about the trial.  It is tried again in a
-  new process, up to `ATTEMPTS` times; then it is `crashed` too.
+  new process, `ATTEMPTS` times in all; then it is `crashed` too.
 
 Whichever it is, the other trials go on, and what has ended is in the file already.
 """
