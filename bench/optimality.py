@@ -12,7 +12,8 @@ from bench.contenders import casadi_plan
 from bench.replan import DEVIATION, Array, decision, joint_rows, moving, program_of
 from bench.results import Section, Target
 from flipdiagram.errors import PlanningError
-from flipdiagram.planning import Planner, limits
+from flipdiagram.planning import Planner
+from flipdiagram.planning.arm_motion import task_pose
 from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.convexification import Convexification
 from flipdiagram.planning.horizon import STRIDE, Layout
@@ -96,7 +97,7 @@ def measure(starts: int = STARTS) -> Section:
 
 def _in_motion(planner: Planner, plan: Plan, failed: list[int]) -> Iterator[Case]:
     rng, scenario, arm = np.random.default_rng(1), planner.scenario, planner.arm
-    path = arm.inverse_kinematics_path(limits.task_pose(plan.states, scenario.task.start_x), planner.q_start)
+    path = arm.inverse_kinematics_path(task_pose(plan.states, scenario.task.start_x), planner.q_start)
     replanner = Replanner(scenario, arm)
     replanner.horizons._program = program_of(replanner.horizons, "daqp")  # type: ignore[assignment]
     while True:

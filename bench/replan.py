@@ -21,7 +21,7 @@ from bench.results import Section, Target
 from bench.timing import SelfTimes, in_turn, timed
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import Planner, limits
-from flipdiagram.planning.arm_motion import ArmMotion
+from flipdiagram.planning.arm_motion import ArmMotion, task_pose
 from flipdiagram.planning.condensed import CondensedProgram, Program, make_program
 from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.convexification import Convexification
@@ -103,7 +103,7 @@ def replans(replanner: Replanner, plan: Plan, count: int, seed: int = 0) -> tupl
     replanner.horizons._program = recorder  # type: ignore[assignment]
     scenario = replanner.scenario
     q_path = replanner.arm.inverse_kinematics_path(
-        limits.task_pose(plan.states[: PASSED + 1], scenario.task.start_x), Planner(scenario, replanner.arm).q_start
+        task_pose(plan.states[: PASSED + 1], scenario.task.start_x), Planner(scenario, replanner.arm).q_start
     )
     while len(found) < count:
         state = plan.states[PASSED] + DEVIATION * rng.normal(size=6)

@@ -11,13 +11,13 @@ from flipdiagram.campaign.specification import Specification, value_of
 from flipdiagram.campaign.statistics import mcnemar, paired_counts, paired_difference, wilson
 from flipdiagram.campaign.tuning import Goal, TuneSection
 from flipdiagram.errors import InputError
+from flipdiagram.flips.dask import workers_of
 from flipdiagram.flips.driver import Flying, fly_all
 from flipdiagram.flips.flight import Flight, Work
 from flipdiagram.flips.flip import Flip
 from flipdiagram.flips.outcome import MODES, SUCCESS, Outcome
 from flipdiagram.flips.run import Clock
 from flipdiagram.flips.store_file import open_to_write
-from flipdiagram.flips.workers import workers_of
 
 BATCH = 4
 """Sets of gains tried at a time: the search is the same on any number of workers."""

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from flipdiagram.arrays import Floats
-from flipdiagram.planning.limits import task_pose
+from flipdiagram.planning.arm_motion import task_pose
 from flipdiagram.planning.planner import Planner
 
 

@@ -63,3 +63,8 @@ class DaskWorkers(Workers):
 
 def _refusal(address: str, problem: str, valid: str) -> InputError:
     return InputError(f"--scheduler = '{address}' {problem}", field="--scheduler", value=address, valid=valid)
+
+
+def workers_of(jobs: int | None, scheduler: str | None) -> Workers:
+    """Children of this process, or the cluster of a Dask scheduler, 'tcp://127.0.0.1:8786'; InputError if unusable."""
+    return Workers(jobs) if scheduler is None else DaskWorkers(scheduler)

@@ -74,12 +74,3 @@ class Workers:
 def cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def workers_of(jobs: int | None, scheduler: str | None) -> Workers:
-    """Children of this process, or the cluster of a Dask scheduler, 'tcp://127.0.0.1:8786'; InputError if unusable."""
-    if scheduler is None:
-        return Workers(jobs)
-    from flipdiagram.flips.dask import DaskWorkers
-
-    return DaskWorkers(scheduler)

@@ -3,17 +3,40 @@
 Both give the same numbers to rounding.  The second is some twenty times sooner, and only for serial chains.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import PlanningError
-from flipdiagram.planning.limits import JointMotion, task_pose
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.serial_chain import SerialChain, serial_chain
 
 REACHED = 1e-9
 """Largest error of a sample's task pose [m, rad], as in ArmModel.inverse_kinematics_path."""
 SINGULAR = "the arm cannot follow the path: it passes a singular pose"
+
+
+@dataclass(frozen=True)
+class JointMotion:
+    """The arm along a motion: q, qd at samples (N + 1, n); torque at both ends of each interval (2, N, n)."""
+
+    q: Floats
+    qd: Floats
+    torque: Floats
+    from_task: Floats
+    """J⁻¹ restricted to (y, z, θ), shape (N + 1, n, 3)."""
+    torque_from_task: Floats
+    """dτ/da for a = (a_y, a_z, a_θ) at samples, shape (N + 1, n, 3)."""
+
+
+def task_pose(states: Floats, x: float) -> Floats:
+    """Six task coordinates (y, z, θ, x, pitch, yaw) of planned states (..., ≥3) in the plane at x [m]."""
+    states = np.asarray(states, dtype=float)
+    pose = np.zeros((*states.shape[:-1], 6))
+    pose[..., :3] = states[..., :3]
+    pose[..., 3] = x
+    return pose
 
 
 class ArmMotion:

@@ -10,7 +10,7 @@ import numpy as np
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import constraints, limits
-from flipdiagram.planning.arm_motion import arm_motion
+from flipdiagram.planning.arm_motion import JointMotion, arm_motion, task_pose
 from flipdiagram.planning.condensed import CONDENSED, Program, make_program
 from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.horizon import Layout
@@ -55,7 +55,7 @@ class Outcome:
     settled: bool
     slack: dict[str, float]
     solution: Solution
-    motion: limits.JointMotion
+    motion: JointMotion
 
     @property
     def shortfall(self) -> float:
@@ -111,7 +111,7 @@ class Convexification:
     def q_start(self) -> Floats:
         """Joint angles at the start of the motion [rad]; raises PlanningError where the arm cannot be there."""
         if self._q_start is None:
-            pose = limits.task_pose(self.start, self.scenario.task.start_x)
+            pose = task_pose(self.start, self.scenario.task.start_x)
             turned = [pose + [0.0, 0.0, angle, 0.0, 0.0, 0.0] for angle in TURN]
             self._q_start = self.arm.inverse_kinematics(pose, through=turned)
         return self._q_start
@@ -124,7 +124,7 @@ class Convexification:
         """
         self.start, self.shift, self._in_motion = state, shift, True
         tool = self._tool(state[None, :])[0]
-        self._q_start = self.motion.joint_angles(limits.task_pose(tool, self.scenario.task.start_x), q_seed)
+        self._q_start = self.motion.joint_angles(task_pose(tool, self.scenario.task.start_x), q_seed)
 
     def _tool(self, states: Floats) -> Floats:
         """States (..., 6) of the tool's control point under an object with these states; velocities as they are."""
@@ -165,11 +165,11 @@ class Convexification:
         inputs[:, :2] = contact.acceleration(abs(contact.GRAVITY_Z), 0.0, states[:-1, 2])
         return Trajectory(states, inputs, n_contact, n_flight, dt)
 
-    def _follow(self, point: Trajectory) -> limits.JointMotion:
+    def _follow(self, point: Trajectory) -> JointMotion:
         states, inputs = self.moving(point)
         return self.motion.follow(self._tool(states), inputs, self.q_start)
 
-    def rows(self, point: Trajectory) -> tuple[Rows, limits.JointMotion]:
+    def rows(self, point: Trajectory) -> tuple[Rows, JointMotion]:
         """All inequality rows, linearised about a trajectory, and the arm's motion along it."""
         layout, first = self.layout, self.layout.release - point.n_contact
         motion, w = self._follow(point), layout.pack(point.states, point.inputs)
@@ -184,7 +184,7 @@ class Convexification:
         horizon = constraints.of_horizon(self.layout, self.scenario, n_contact, n_flight, shift)
         return Linearisation(horizon, self._native)
 
-    def solve(self, point: Trajectory, trust: float, elastic: bool = False) -> tuple[Solution, limits.JointMotion]:
+    def solve(self, point: Trajectory, trust: float, elastic: bool = False) -> tuple[Solution, JointMotion]:
         """One quadratic program, linearised about a trajectory."""
         rows, motion = self.rows(point)
         program = self._elastic if elastic else self._program

@@ -5,22 +5,17 @@ At sample k of the last trajectory, q̄ from inverse kinematics and P = J⁻¹ f
 Only joints that come near a limit enter the program; the last three derivatives are differences, taken there alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flipdiagram.arrays import Floats, Indices
+from flipdiagram.planning.arm_motion import ArmMotion, JointMotion
 from flipdiagram.planning.horizon import STATES, STRIDE, Layout
 from flipdiagram.planning.rows import Part, part
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.scenario.scenario import Scenario
-
-if TYPE_CHECKING:
-    from flipdiagram.planning.arm_motion import ArmMotion
 
 POSITION = "joint position limit"
 SPEED = "joint speed limit"
@@ -44,7 +39,7 @@ class Allowed:
     torque: Floats
 
     @classmethod
-    def of(cls, arm: ArmModel, scenario: Scenario) -> Allowed:
+    def of(cls, arm: ArmModel, scenario: Scenario) -> "Allowed":
         """The arm's limits less the scenario's margins."""
         planner, middle = scenario.planner, (arm.q_min + arm.q_max) / 2
         return cls(
@@ -62,32 +57,10 @@ class Allowed:
             TORQUE: self.torque / arm.tau_max,
         }
 
-    def tightened(self, uses: Mapping[str, Floats]) -> Allowed:
+    def tightened(self, uses: Mapping[str, Floats]) -> "Allowed":
         """Less of each kind of limit that a motion exceeds (use > 1) between its samples."""
         position, speed, torque = (max(1.0, float(np.max(uses[kind]))) for kind in (POSITION, SPEED, TORQUE))
         return replace(self, half=self.half / position, speed=self.speed / speed, torque=self.torque / torque)
-
-
-@dataclass(frozen=True)
-class JointMotion:
-    """The arm along a motion: q, qd at samples (N + 1, n); torque at both ends of each interval (2, N, n)."""
-
-    q: Floats
-    qd: Floats
-    torque: Floats
-    from_task: Floats
-    """J⁻¹ restricted to (y, z, θ), shape (N + 1, n, 3)."""
-    torque_from_task: Floats
-    """dτ/da for a = (a_y, a_z, a_θ) at samples, shape (N + 1, n, 3)."""
-
-
-def task_pose(states: Floats, x: float) -> Floats:
-    """Six task coordinates (y, z, θ, x, pitch, yaw) of planned states (..., ≥3) in the plane at x [m]."""
-    states = np.asarray(states, dtype=float)
-    pose = np.zeros((*states.shape[:-1], 6))
-    pose[..., :3] = states[..., :3]
-    pose[..., 3] = x
-    return pose
 
 
 def joint_rows(

@@ -13,7 +13,7 @@ import numpy as np
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import constraints, limits
-from flipdiagram.planning.arm_motion import ArmMotion
+from flipdiagram.planning.arm_motion import ArmMotion, task_pose
 from flipdiagram.planning.constraints import Geometry
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.plan import Plan
@@ -130,8 +130,8 @@ class Placer:
 
     def _finished(self, states: Floats, inputs: Floats, contact_samples: int, carried: int, begin: float) -> Plan:
         arm, scenario = self.arm, self.scenario
-        pose = limits.task_pose(states[0], scenario.task.start_x)
-        q_start = arm.inverse_kinematics(pose, through=[limits.task_pose(states[-1], scenario.task.start_x)])
+        pose = task_pose(states[0], scenario.task.start_x)
+        q_start = arm.inverse_kinematics(pose, through=[task_pose(states[-1], scenario.task.start_x)])
         motion = ArmMotion(arm, scenario.task.start_x).follow(states, inputs, q_start)
         use = {kind: float(values.max()) for kind, values in limits.limit_use(motion, arm).items()}
         for kind, value in use.items():

@@ -7,16 +7,13 @@ step.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from flipdiagram.arrays import Array
 from flipdiagram.errors import PlanningError
 from flipdiagram.robot import task_space
-
-if TYPE_CHECKING:
-    from flipdiagram.robot.arm import ArmModel
 
 ITERATIONS = 80
 STEP_MAX = 0.3  # [rad] largest Newton step: keeps the search on the branch of the seed
@@ -26,7 +23,18 @@ COMFORT = 0.4  # [rad] distance to a joint limit from which there is room enough
 DAMPING_START, DAMPING_MIN, DAMPING_MAX = 1e-9, 1e-12, 1e3  # of J J^T; a regular pose has entries of 0.1 to 1
 
 
-def pose(arm: ArmModel, target: Array, seeds: Sequence[Array], tol: float) -> Array:
+class Kinematics(Protocol):
+    """What is needed of an arm: names and limits of its joints, and x (6,) with J (6, n) at q (n,)."""
+
+    joint_names: tuple[str, ...]
+    q_min: Array
+    q_max: Array
+
+    def task_jacobian(self, q: Array) -> tuple[Array, Array]:
+        """Task coordinates and Jacobian."""
+
+
+def pose(arm: Kinematics, target: Array, seeds: Sequence[Array], tol: float) -> Array:
     """The first joint angles (n,) [rad] within the limits, at the task pose target (6,) within tol.
 
     Raises PlanningError naming the pose, and joint and limit if there are solutions, but none within the limits.
@@ -44,7 +52,7 @@ def pose(arm: ArmModel, target: Array, seeds: Sequence[Array], tol: float) -> Ar
     raise PlanningError(f"the arm cannot reach the pose {task_space.describe(target)}: {reason}")
 
 
-def search(arm: ArmModel, target: Array, tol: float, through: Sequence[Array] = ()) -> Array:
+def search(arm: Kinematics, target: Array, tol: float, through: Sequence[Array] = ()) -> Array:
     """The best-conditioned joint angles (n,) [rad] at the task pose target (6,), from seeds spread over joint space.
 
     through: further poses (6,) that must be reachable from there, one after the other, within the limits.  Best: the
@@ -69,7 +77,7 @@ def search(arm: ArmModel, target: Array, tol: float, through: Sequence[Array] = 
     return best
 
 
-def _conditioned(arm: ArmModel, q: Array, through: Sequence[Array], tol: float) -> float:
+def _conditioned(arm: Kinematics, q: Array, through: Sequence[Array], tol: float) -> float:
     """The smallest singular value of J at q and on the way through the poses, less where a joint is near its limit.
 
     0 where the way is lost or leaves the limits.
@@ -85,7 +93,7 @@ def _conditioned(arm: ArmModel, q: Array, through: Sequence[Array], tol: float) 
     return smallest
 
 
-def path(arm: ArmModel, targets: Array, first: Array, tol: float, *, check_limits: bool) -> Array:
+def path(arm: Kinematics, targets: Array, first: Array, tol: float, *, check_limits: bool) -> Array:
     """Joint angles (N, n) [rad] along targets (N, 6), beginning with first (n,), on one branch.
 
     Raises PlanningError naming the sample.
@@ -109,7 +117,7 @@ def path(arm: ArmModel, targets: Array, first: Array, tol: float, *, check_limit
     return qs
 
 
-def newton(arm: ArmModel, target: Array, q: Array, tol: float) -> Array | None:
+def newton(arm: Kinematics, target: Array, q: Array, tol: float) -> Array | None:
     """Levenberg-Marquardt from q: step = J^T (J J^T + damping I)^-1 error; None if it does not converge."""
     damping = DAMPING_START
     error = J = None
@@ -138,7 +146,7 @@ def newton(arm: ArmModel, target: Array, q: Array, tol: float) -> Array | None:
     return None
 
 
-def along_line(arm: ArmModel, target: Array, q: Array, tol: float) -> Array | None:
+def along_line(arm: Kinematics, target: Array, q: Array, tol: float) -> Array | None:
     """Newton along the straight line in task space from the pose of q; None where the line is lost."""
     start, _ = arm.task_jacobian(q)
     way = task_space.difference(target, start)
@@ -150,18 +158,18 @@ def along_line(arm: ArmModel, target: Array, q: Array, tol: float) -> Array | No
     return q
 
 
-def _turned_inside(arm: ArmModel, q: Array) -> Array:
+def _turned_inside(arm: Kinematics, q: Array) -> Array:
     """q with each joint outside its limits turned by +-2 pi where that brings it inside."""
     for turn in (2 * np.pi, -2 * np.pi):
         q = np.where(~_inside(arm, q) & _inside(arm, q + turn), q + turn, q)
     return q
 
 
-def _inside(arm: ArmModel, q: Array) -> Array:
+def _inside(arm: Kinematics, q: Array) -> Array:
     return (q >= arm.q_min) & (q <= arm.q_max)
 
 
-def _limit_message(arm: ArmModel, q: Array) -> str:
+def _limit_message(arm: Kinematics, q: Array) -> str:
     i = int(np.argmin(_inside(arm, q)))
     low, high, angle = np.degrees([arm.q_min[i], arm.q_max[i], q[i]])
     return f"joint {arm.joint_names[i]} would be at {angle:.1f} deg; valid is {low:.1f} to {high:.1f} deg"

@@ -5,7 +5,7 @@ import pytest
 
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import limits
-from flipdiagram.planning.arm_motion import ArmMotion, arm_motion
+from flipdiagram.planning.arm_motion import ArmMotion, JointMotion, arm_motion, task_pose
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.limits import POSITION, SPEED, TORQUE, Allowed
 from flipdiagram.planning.rows import Rows
@@ -26,12 +26,12 @@ def random_motion(arm: ArmModel, seed: int):
     )
     states[:, 3:] = rng.uniform(-1, 1, (count, 3)) * [1, 1, 6]
     inputs = rng.uniform(-1, 1, (count - 1, 3)) * [15, 15, 100]
-    return states, inputs, arm.inverse_kinematics(limits.task_pose(states[0], X))
+    return states, inputs, arm.inverse_kinematics(task_pose(states[0], X))
 
 
 def joints(arm: ArmModel, state, acceleration, q_near):
     """q, q̇, τ of one planned state, solved for directly: J q̇ = v, J q̈ + J̇ q̇ = a."""
-    q = arm.inverse_kinematics_path([limits.task_pose(state, X)], q_near, 1e-12, check_limits=False)[0]
+    q = arm.inverse_kinematics_path([task_pose(state, X)], q_near, 1e-12, check_limits=False)[0]
     jacobian = arm.task_kinematics(q, np.zeros(6))[2]
     qd = np.linalg.solve(jacobian, [*state[3:], 0, 0, 0])
     bias = arm.task_kinematics(q, qd)[3]
@@ -46,9 +46,7 @@ def test_joint_motion_is_what_the_arm_says(arm, seed):
     for k in range(len(inputs)):
         for end in (0, 1):
             q, qd, tau = joints(arm, states[k + end], inputs[k], motion.q[k + end])
-            np.testing.assert_allclose(
-                arm.task_position(motion.q[k + end]), limits.task_pose(states[k + end], X), atol=1e-8
-            )
+            np.testing.assert_allclose(arm.task_position(motion.q[k + end]), task_pose(states[k + end], X), atol=1e-8)
             np.testing.assert_allclose(motion.qd[k + end], qd, atol=1e-6)
             np.testing.assert_allclose(motion.torque[end, k], tau, atol=1e-5)
 
@@ -130,7 +128,7 @@ def test_rows_keep_to_the_allowed_shares_of_the_limits(arm):
 
 def test_an_arm_at_rest_needs_no_speed_rows(arm):
     states, inputs = np.tile([0, 0.35, 0, 0, 0, 0.0], (5, 1)), np.zeros((4, 3))
-    q = arm.inverse_kinematics(limits.task_pose(states[0], X))
+    q = arm.inverse_kinematics(task_pose(states[0], X))
     motion = ArmMotion(arm, X).follow(states, inputs, q)
     np.testing.assert_allclose(motion.torque[0], np.tile(arm.gravity_torque(q), (4, 1)), atol=1e-9)
     parts = limits.joint_rows(LAYOUT, motion, (states, inputs), ArmMotion(arm, X), Allowed.of(arm, Scenario()), FIRST)
@@ -161,7 +159,7 @@ def test_limit_use_names_the_worst_sample_of_each_joint(arm):
     qd, torque = np.zeros((3, 6)), np.zeros((2, 2, 6))
     qd[2, 4], torque[1, 0, 5] = -0.5 * arm.qd_max[4], -2 * arm.tau_max[5]
     empty = np.zeros((3, 6, 3))
-    uses = limits.limit_use(limits.JointMotion(q, qd, torque, empty, empty), arm)
+    uses = limits.limit_use(JointMotion(q, qd, torque, empty, empty), arm)
     np.testing.assert_allclose(uses[POSITION], [0, 0, 1, 0, 0, 0], atol=1e-12)
     np.testing.assert_allclose(uses[SPEED], [0, 0, 0, 0, 0.5, 0])
     np.testing.assert_allclose(uses[TORQUE], [0, 0, 0, 0, 0, 2])
@@ -169,7 +167,7 @@ def test_limit_use_names_the_worst_sample_of_each_joint(arm):
 
 def test_a_motion_out_of_reach_raises(arm):
     states = np.tile([0, 0.35, 0, 0, 0, 0.0], (3, 1))
-    q = arm.inverse_kinematics(limits.task_pose(states[0], X))
+    q = arm.inverse_kinematics(task_pose(states[0], X))
     states[1:, 1] = 1.5
     with pytest.raises(PlanningError, match="cannot follow the path at sample 1"):
         ArmMotion(arm, X).follow(states, np.zeros((2, 3)), q)

@@ -11,7 +11,7 @@ from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoD
 from pydrake.solvers import MathematicalProgram, SnoptSolver
 
 from flipdiagram.planning import limits
-from flipdiagram.planning.arm_motion import ArmMotion
+from flipdiagram.planning.arm_motion import ArmMotion, task_pose
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.rows import Rows
 
@@ -114,7 +114,7 @@ class Problem:
         """Rows a · w ≤ b of the joint limits, linearised about w."""
         states, inputs = self.motion(w)
         x, layout = self.scenario.task.start_x, Layout(self.plan.n_contact, self.plan.n_brake)
-        mover, q = ArmMotion(arm, x), arm.inverse_kinematics(limits.task_pose(states[0], x))
+        mover, q = ArmMotion(arm, x), arm.inverse_kinematics(task_pose(states[0], x))
         motion, allowed = mover.follow(states, inputs, q), limits.Allowed.of(arm, self.scenario)
         parts = limits.joint_rows(layout, motion, (states, inputs), mover, allowed)
 

@@ -11,7 +11,8 @@ from planar import G, blade, block, flown, gap, placed, polar
 
 from flipdiagram.errors import InputError
 from flipdiagram.planning import Plan
-from flipdiagram.planning.limits import POSITION, SPEED, TORQUE, task_pose
+from flipdiagram.planning.arm_motion import task_pose
+from flipdiagram.planning.limits import POSITION, SPEED, TORQUE
 from flipdiagram.robot.arm import ArmModel
 
 MS = 0.001

@@ -1,6 +1,7 @@
 """Campaigns and the tuner as studies: what the options of `flipdiagram campaign` ask for."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,9 +15,9 @@ from flipdiagram.campaign.tuner import tune as search
 from flipdiagram.campaign.tuning import load_tuning
 from flipdiagram.campaign.watch import watch as watch_on
 from flipdiagram.errors import InputError
+from flipdiagram.flips.run import Progress
 from flipdiagram.grid import Grid, console
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.studies.study import Progress, Summary
 
 
 def show(
@@ -61,11 +62,11 @@ def tune(scenario: Scenario, out: Path, *, file: str | None, **settings: Any) ->
     write_tuning(search(specification, wanted, out, **settings), specification.base, out)
 
 
-def tables(summary: Summary) -> list[Grid]:
+def tables(summary: Mapping[str, Any]) -> list[Grid]:
     """Success rates, and the differences between architectures."""
     return [success_grid(summary), pair_grid(summary)]
 
 
-def tuning_tables(summary: Summary) -> list[Grid]:
+def tuning_tables(summary: Mapping[str, Any]) -> list[Grid]:
     """Default gains against tuned ones."""
     return [tuning_grid(summary)]
