@@ -12,6 +12,7 @@ import inspect
 import json
 import os
 import pkgutil
+import re
 import sys
 import tempfile
 import warnings
@@ -145,8 +146,8 @@ def show_submodules(module: ModuleType) -> None:
 
 
 def short_annotation(annotation: Any, *base_module: Any) -> str:
-    """A type as text, NumPy's by their short names."""
-    text = write_type(annotation, *base_module)
+    """A type as text, NumPy's by their short names, a check of pydantic's without the place of its function."""
+    text = re.sub(r"<function (\w+) at 0x\w+>", r"\1", write_type(annotation, *base_module))
     for long, short in SHORT_TYPES.items():
         text = text.replace(long, short)
     return text
