@@ -6,6 +6,7 @@ from flipdiagram.arrays import Floats, Indices
 from flipdiagram.compiled.batch import BatchDiagram, Channels
 from flipdiagram.compiled.errors import NotCompilable
 from flipdiagram.compiled.fallback import SimulatedDiagram
+from flipdiagram.errors import InputError
 
 TOLERANCE = 1e-10  # relative
 _OUTPUT_ROWS = 20  # ticks at which outputs are compared too: they cost Drake time
@@ -16,6 +17,8 @@ def check(compiled: BatchDiagram, ticks: int) -> None:
 
     Start and inputs are the defaults moved at random (always the same way): a diagram at rest shows nothing.
     """
+    if ticks < 0:
+        raise InputError.of("check", ticks, "an integer >= 0")
     layout, drake, rng = compiled.layout, SimulatedDiagram(compiled.layout), np.random.default_rng(0)
     context = layout.structure.diagram.CreateDefaultContext()
     parameters, state = layout.read_parameters(context)[None], layout.read_state(context)[None]

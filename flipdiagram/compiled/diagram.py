@@ -106,8 +106,6 @@ def compile_diagram(
     Raises NotCompilable (an InputError), which names the block and the reason: no symbolic form, continuous or
     abstract state, several periods, an expression without printed form, or a result other than Drake's.
     """
-    if check < 0:
-        raise InputError.of("check", check, "an integer >= 0")
     layout = lay_out(flatten(diagram), tie)
     try:
         compiled = CompiledDiagram(layout, read_program(layout), exact)
