@@ -70,7 +70,7 @@ def specification(source: Source, folder: Path, changes: Mapping[str, Any] | Non
 def estimated_hours(specification: Specification, jobs: int) -> float:
     """Wall time of the whole campaign on `jobs` cores [h], from the speed of a typical core."""
     settings = specification.base.simulation
-    simulated = settings.hold_time + MOTION_SECONDS + settings.settle_time
+    simulated = settings.lead_time + MOTION_SECONDS + settings.settle_time
     flips = specification.rows * (BUILD_SECONDS + simulated / REAL_TIME_FACTOR * 0.001 / settings.step)
     plans = (specification.trials if specification.plans_vary else 1) * PLAN_SECONDS
     return (flips + plans) / jobs / 3600

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatVisualizer
@@ -10,38 +11,41 @@ from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
 
 from flipdiagram.arrays import Floats
 from flipdiagram.blocks.camera import Camera
-from flipdiagram.blocks.delay import Delay
 from flipdiagram.blocks.mpc import COMMANDS, ModelPredictiveController
-from flipdiagram.blocks.noise import SensorNoise
 from flipdiagram.blocks.receding_horizon import RecedingHorizonController, Timing
-from flipdiagram.blocks.sensors import Encoder, PseudoDerivative
 from flipdiagram.diagrams.controller import ControllerBoxes, add_controller
+from flipdiagram.diagrams.equilibrium import Equilibrium, equilibrium, no_equilibrium
 from flipdiagram.diagrams.replacement import Box, build_diagram
+from flipdiagram.diagrams.sensing import Sensing, add_sensing
 from flipdiagram.diagrams.start import Start, start_of
 from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.planner import Planner
 from flipdiagram.planning.replanner import FEWEST, Replanner
-from flipdiagram.plants.cell import BESIDE_THE_PLANT, Cell, add_cell
+from flipdiagram.plants.cell import Cell, add_cell
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import Scenario
 
+SATURATED = 1e-6
+"""Relative distance to a torque limit below which a joint counts as too weak."""
 REPLANNING = ("solve_time", "iterations", "status", "cone_margin")
 """Signals of an MPC that replans, beside the commands."""
 
 
 @dataclass(frozen=True)
 class Loop:
-    """The closed loop and handles to its boxes; `context()` starts a run at rest with the block on the blade."""
+    """The closed loop and handles to its boxes; `context()` starts a run as the scenario's `simulation.start` says."""
 
     diagram: Diagram
     scenario: Scenario
     architecture: str
     arm: ArmModel
     mpc: ModelPredictiveController
+    sensing: Sensing
     boxes: ControllerBoxes
     cell: Cell
     q_start: Floats
+    """Joint angles of the start pose (n,) [rad]."""
     logs: dict[str, VectorLogSink]
     """Sinks by signal name, where the loop was built with `record`."""
     replaced: tuple[str, ...] = ()
@@ -50,14 +54,50 @@ class Loop:
     @property
     def groups(self) -> dict[str, tuple[str, ...]]:
         """Systems that a drawing shows as one box, by its name: all of the cell as `robot`."""
-        return {"robot": (self.cell.plant.get_name(), *BESIDE_THE_PLANT)}
+        return {"robot": self.cell.systems}
+
+    @cached_property
+    def equilibrium(self) -> Equilibrium:
+        """Where an endless hold of the start pose ends; raises SimulationError where it ends nowhere."""
+        context = self.diagram.CreateDefaultContext()
+        self.sensing.without_error(context)
+        tau = self.boxes.torque_limit.GetOutputPort("tau")
+        found = equilibrium(self._controller, tau, context, self._stand, self.cell.holding_torque, self.q_start)
+        weak = np.abs(self.cell.holding_torque(found.q)) >= self.arm.tau_max * (1 - SATURATED)
+        if weak.any():
+            joint = int(np.argmax(weak))
+            limit = f"{self.arm.tau_max[joint]:.3g} N m"
+            raise no_equilibrium(f"joint {self.arm.joint_names[joint]} would need more than its {limit}")
+        self._stand(context, found.q)
+        wrench = self.cell.contact_wrench.Eval(self.cell.contact_wrench.get_system().GetMyContextFromRoot(context))
+        if np.any(wrench[3:9]):
+            raise no_equilibrium("the table would carry the blade or the block")
+        return found
 
     def context(self, plan: Plan | None = None) -> Context:
-        """A fresh context: arm at rest at the start pose, block on the blade; with `plan` the MPC need not solve."""
+        """A fresh context: arm at rest, block on the blade; with `plan` the MPC need not solve.
+
+        Raises SimulationError where the run shall start at an equilibrium and there is none.
+        """
         context = self.diagram.CreateDefaultContext()
+        if self.scenario.simulation.start == "equilibrium":
+            self._stand(context, self.equilibrium.q)
+            self.equilibrium.put(self._controller, context)
+            if self.diagram.HasSubsystemNamed("hold"):  # it has sent this torque for long
+                tau = self.boxes.torque_limit.GetOutputPort("tau")
+                hold = self.diagram.GetSubsystemByName("hold").GetMyMutableContextFromRoot(context)
+                hold.SetDiscreteState(tau.Eval(self.boxes.torque_limit.GetMyContextFromRoot(context)))
         if plan is not None:
             self.mpc.set_plan(self.mpc.GetMyMutableContextFromRoot(context), plan)
         return context
+
+    @property
+    def _controller(self) -> dict[str, LeafSystem]:
+        return {name: box for name, box in vars(self.boxes).items() if box is not None}
+
+    def _stand(self, context: Context, q: Floats) -> None:
+        self.cell.stand(context, q)
+        self.sensing.have_seen(context, q)
 
 
 def build_loop(
@@ -93,11 +133,11 @@ def build_loop(
     builder = DiagramBuilder()
     mpc = builder.AddNamedSystem("mpc", _mpc(scenario, motion, start, planner or motion.plan))
     cell = add_cell(builder, scenario, arm, start.q)
-    q, qd = _sensed(builder, scenario, cell, start.q, offset)
-    signals = {**{name: mpc.GetOutputPort(name) for name in COMMANDS}, "q": q, "qd": qd}
+    seen = add_sensing(builder, scenario, cell.q, cell.qd, start.q, offset)
+    signals = {**{name: mpc.GetOutputPort(name) for name in COMMANDS}, "q": seen.q, "qd": seen.qd}
     boxes = add_controller(builder, scenario, architecture, arm, start.q, signals, offset, replace)
     if isinstance(mpc, RecedingHorizonController):
-        _close_horizon(builder, scenario, mpc, cell, boxes, q)
+        _close_horizon(builder, scenario, mpc, cell, boxes, seen.q)
     tau = boxes.torque_limit.GetOutputPort("tau")
     if fine:
         hold = builder.AddNamedSystem("hold", ZeroOrderHold(period, arm.n_joints, offset))
@@ -110,7 +150,7 @@ def build_loop(
         MeshcatVisualizer.AddToBuilder(builder, cell.scene_graph, meshcat)
     diagram = build_diagram(builder, replace)
     diagram.set_name(architecture)
-    return Loop(diagram, scenario, architecture, arm, mpc, boxes, cell, start.q, logs, tuple(replace or ()))
+    return Loop(diagram, scenario, architecture, arm, mpc, seen, boxes, cell, start.q, logs, tuple(replace or ()))
 
 
 def _record(
@@ -119,7 +159,7 @@ def _record(
     """Sinks for what a recording is made of, by signal name."""
     names = (*COMMANDS, *REPLANNING) if isinstance(mpc, RecedingHorizonController) else COMMANDS
     signals = {name: mpc.GetOutputPort(name) for name in names}
-    signals |= {"state": cell.plant.get_state_output_port(), "tau": tau, "contact_wrench": cell.contact_wrench}
+    signals |= {name: getattr(cell, name) for name in ("q", "qd", "block", "contact_wrench")} | {"tau": tau}
     if boxes.disturbance_observer is not None:
         signals["tau_dis"] = boxes.disturbance_observer.GetOutputPort("tau_dis")
     logs = {}
@@ -131,7 +171,7 @@ def _record(
 
 def _mpc(scenario: Scenario, motion: Planner, start: Start, planner: Callable[[], Plan]) -> ModelPredictiveController:
     """The MPC of the scenario: it plans once, or again and again."""
-    settings, start_time = scenario.planner, scenario.simulation.hold_time
+    settings, start_time = scenario.planner, scenario.simulation.lead_time
     if settings.replan_period is None:
         off = scenario.disturbance.start_error != 0
         return ModelPredictiveController(planner, start.pose, start_time, stand=off)
@@ -178,39 +218,5 @@ def _close_horizon(
             offset=scenario.controller.period / 2,
         )
         builder.AddNamedSystem("camera", camera)
-        builder.Connect(cell.plant.get_body_poses_output_port(), camera.get_input_port())
+        builder.Connect(cell.poses, camera.get_input_port())
         builder.Connect(camera.get_output_port(), mpc.GetInputPort("shift"))
-
-
-def _sensed(
-    builder: DiagramBuilder, scenario: Scenario, cell: Cell, q_start: Floats, offset: float
-) -> tuple[OutputPort, OutputPort]:
-    """q and qd as the controller sees them: through what the scenario has of noise, encoder, delay, velocity filter.
-
-    The encoder rounds angles that are noisy already.  Noise of the velocities comes before their delay, or after the
-    filter where there is one: it belongs to the velocity, however that is measured.
-    """
-    sensors, period, n = scenario.sensors, scenario.controller.period, len(q_start)
-
-    def through(box: LeafSystem, name: str, signal: OutputPort) -> OutputPort:
-        builder.AddNamedSystem(name, box)
-        builder.Connect(signal, box.get_input_port())
-        return box.get_output_port()
-
-    def noisy(signal: OutputPort, name: str, deviation: float, stream: int) -> OutputPort:
-        if deviation == 0:
-            return signal
-        return through(SensorNoise(np.full(n, deviation), sensors.noise_seed, period, offset, stream), name, signal)
-
-    q, qd = noisy(cell.q, "position_noise", sensors.position_noise, 0), cell.qd
-    if sensors.encoder_resolution > 0:
-        q = through(Encoder(np.full(n, sensors.encoder_resolution)), "encoder", q)
-    if sensors.delay > 0:
-        q = through(Delay(n, sensors.delay, period, offset, q_start), "delayed_q", q)
-    if sensors.velocity_cutoff is not None:
-        g_v = np.full(n, sensors.velocity_cutoff)
-        qd = through(PseudoDerivative(g_v, period, offset, q_start), "velocity", q)
-    qd = noisy(qd, "velocity_noise", sensors.velocity_noise, 1)
-    if sensors.velocity_cutoff is None and sensors.delay > 0:
-        qd = through(Delay(n, sensors.delay, period, offset), "delayed_qd", qd)
-    return q, qd

@@ -65,7 +65,7 @@ def _flight(key: str, flip: Flip, out: Path) -> Flight:
 
 def _timeout(flip: Flip) -> float:
     settings = flip.scenario.simulation
-    return LEAST_TIMEOUT + PACE * (settings.hold_time + 1.0 + settings.settle_time) * max(0.001 / settings.step, 1.0)
+    return LEAST_TIMEOUT + PACE * (settings.lead_time + 1.0 + settings.settle_time) * max(0.001 / settings.step, 1.0)
 
 
 def _outcome(flip: Flip, store: Store) -> Outcome:

@@ -1,14 +1,15 @@
 """The robot cell of section IV: arm, spatula, block and table in one MultibodyPlant, with joint friction."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlant, ContactResults, MultibodyPlant, MultibodyPlantConfig
-from pydrake.multibody.tree import BodyIndex
-from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort
+from pydrake.multibody.tree import BodyIndex, JacobianWrtVariable
+from pydrake.systems.framework import Context, DiagramBuilder, InputPort, LeafSystem, OutputPort
 from pydrake.systems.primitives import Adder, Demultiplexer
 
 from flipdiagram.arrays import Floats
@@ -23,19 +24,54 @@ from flipdiagram.scenario.scenario import Scenario
 
 @dataclass(frozen=True)
 class Cell:
-    """Handles to the cell: input tau (n,) [N·m]; outputs q, qd (n,), contact_wrench (12,); the parts inside."""
+    """Handles to the cell: its ports, and the parts inside."""
 
     plant: MultibodyPlant
     scene_graph: SceneGraph
     parts: Parts
     tau: InputPort
+    """Torques of the drives (n,) [N m]."""
     q: OutputPort
     qd: OutputPort
+    block: OutputPort
+    """Pose of the block, quaternion (w first) and position [m], then its velocity in the world: (13,)."""
+    poses: OutputPort
+    """Of all bodies, by their indices in `plant`."""
     contact_wrench: OutputPort
+    systems: tuple[str, ...]
+    """Names of all systems of the cell."""
+
+    def stand(self, context: Context, q: Floats) -> None:
+        """Put the arm at rest at angles q (n,) [rad] into a root Context, the block where it lies on the blade."""
+        plant, X_TB = self.plant, self._block_on_blade
+        context = plant.GetMyMutableContextFromRoot(context)
+        plant.SetPositions(context, self.parts.arm.arm, q)
+        plant.SetVelocities(context, np.zeros(plant.num_velocities()))
+        plant.SetFreeBodyPose(context, self.parts.block, self.parts.arm.tool.CalcPoseInWorld(context) @ X_TB)
+
+    def holding_torque(self, q: Floats) -> Floats:
+        """Joint torques (n,) [N m] that hold arm and block still at q (n,) [rad], without friction of the joints."""
+        plant, arm, context = self.plant, self.parts.arm, self._own_context
+        plant.SetPositions(context, arm.arm, q)
+        centre = self._block_on_blade @ self.parts.block.default_com()
+        world = plant.world_frame()
+        J = plant.CalcJacobianTranslationalVelocity(context, JacobianWrtVariable.kV, arm.tool, centre, world, world)
+        weight = self.parts.block.default_mass() * plant.gravity_field().gravity_vector()
+        torque = plant.CalcGravityGeneralizedForces(context) + J.T @ weight
+        return -np.asarray(plant.GetVelocitiesFromArray(arm.arm, torque), dtype=float)
+
+    @cached_property
+    def _own_context(self) -> Context:
+        return self.plant.CreateDefaultContext()
+
+    @cached_property
+    def _block_on_blade(self) -> RigidTransform:
+        """Pose of the block's body in the tool's frame, as in the default Context."""
+        context = self.plant.CreateDefaultContext()
+        X_WT = self.parts.arm.tool.CalcPoseInWorld(context)
+        return X_WT.inverse() @ self.plant.GetFreeBodyPose(context, self.parts.block)
 
 
-BESIDE_THE_PLANT = ("scene_graph", "joint_friction", "joint_torque", "joint_state", "contact_forces")
-"""Names of the cell's other systems."""
 CONTACT_PAIRS = ("blade-block", "table-block", "table-blade")
 """Who pushes whom in the output of `ContactForces`: the first on the second."""
 
@@ -131,7 +167,7 @@ def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start
     builder.Connect(plant.get_contact_results_output_port(), contact.get_input_port())
     if any(unknown.push):  # at the centre of the blade's top surface
         point = parts.arm.tool.GetFixedPoseInBodyFrame().translation()
-        begin = settings.hold_time + unknown.push_time
+        begin = settings.lead_time + unknown.push_time
         push = Push(parts.arm.spatula_body, point, unknown.push, begin, unknown.push_duration)
         builder.AddNamedSystem("push", push)
         builder.Connect(push.get_output_port(), plant.get_applied_spatial_force_input_port())
@@ -142,7 +178,10 @@ def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start
         tau=torque.get_input_port(0),
         q=state.get_output_port(0),
         qd=state.get_output_port(1),
+        block=plant.get_state_output_port(parts.block.model_instance()),
+        poses=plant.get_body_poses_output_port(),
         contact_wrench=contact.get_output_port(),
+        systems=(plant.get_name(), "scene_graph", *(box.get_name() for box in (friction, torque, state, contact))),
     )
 
 

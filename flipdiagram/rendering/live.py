@@ -53,7 +53,7 @@ def show_live(
         time.sleep(0.1)
     for name in architectures:
         loop = build_loop(scenario, name, record=True, meshcat=meshcat)
-        pace = _Pace(scenario.simulation.hold_time - HOLD_SHOWN)
+        pace = _Pace(scenario.simulation.lead_time - HOLD_SHOWN)
         flip = simulate_loop(loop, plan, pace=pace)
         success, failure = judge(flip.recording)
         announce(f"{name}: {'turned over' if success else failure}")

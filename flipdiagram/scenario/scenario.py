@@ -27,6 +27,8 @@ from flipdiagram.scenario.yaml_reader import read_mapping
 
 FILES = ("arm.file", "tool.file", "object.file")
 """Fields that name a model file."""
+LEAD_TIMES = {"equilibrium": 0.1, "hold": 2.0, "switch-on": 0.0}
+"""Seconds before the motion where a scenario names none: in 0.1 the contact settles, in 2 the observer, to exp(−25)."""
 ARCHITECTURES = ("pd", "pd+ff", "pd+dob", "pd+ff+dob")
 Architecture = Literal["pd", "pd+ff", "pd+dob", "pd+ff+dob"]
 
@@ -178,8 +180,26 @@ class Simulation(Section):
     step: float = quantity(0.001, "s", "time step of the plant; the controller period over a power of two", gt=0)
     hydroelastic_modulus: float = quantity(1e6, "Pa", "stiffness of the rubber block (o)", gt=0)
     dissipation: float = quantity(20.0, "s/m", "Hunt-Crossley dissipation of the block (o)", ge=0)
-    hold_time: float = quantity(2.0, "s", "hold at the start until the observer has settled (o)", ge=0)
+    start: Literal["equilibrium", "hold", "switch-on"] = Field(
+        "equilibrium",
+        description="before the motion: equilibrium: as an endless hold of the start pose ends; hold: at rest there,"
+        " the observer at zero, then held for hold_time; switch-on: the same, and the motion begins at once",
+    )
+    hold_time: float | None = quantity(
+        None, "s", "hold of the start pose before the motion (o); null: 2 s of hold, 0.1 s of equilibrium", ge=0
+    )
     settle_time: float = quantity(0.4, "s", "simulated after the plan has ended and the block should lie", ge=0)
+
+    @model_validator(mode="after")
+    def _nothing_before_switch_on(self) -> Simulation:
+        if self.start == "switch-on" and self.hold_time:
+            raise invalid("hold_time", self.hold_time, "null or 0 [s] where simulation.start is switch-on")
+        return self
+
+    @property
+    def lead_time(self) -> float:
+        """Simulated before the motion starts [s]."""
+        return LEAD_TIMES[self.start] if self.hold_time is None else self.hold_time
 
 
 class Scenario(Section):

@@ -101,7 +101,7 @@ def simulate_loop(
 def _end(scenario: Scenario, followed: Plan | Command) -> float:
     """When the simulation of a motion ends [s], counted from its own start."""
     settings = scenario.simulation
-    return settings.hold_time + max(followed.end_time, followed.touchdown_time) + settings.settle_time
+    return settings.lead_time + max(followed.end_time, followed.touchdown_time) + settings.settle_time
 
 
 def _followed(loop: Loop, context: Context, plan: Plan) -> Plan | Command:
@@ -125,18 +125,11 @@ def _advance(simulator: Simulator, until: float) -> None:
 def _read(loop: Loop, context: Context, plan: Plan | Command) -> Recording:
     logs = {name: sink.FindLog(context) for name, sink in loop.logs.items()}
     signals = {name: log.data() for name, log in logs.items()}
-    state, plant, parts = signals.pop("state"), loop.cell.plant, loop.cell.parts
-    positions, velocities = state[: plant.num_positions()], state[plant.num_positions() :]
-    at = np.arange(plant.num_positions(), dtype=float)
-    signals["q"] = positions[plant.GetPositionsFromArray(parts.arm.arm, at).astype(int)]
-    at = np.arange(plant.num_velocities(), dtype=float)
-    signals["qd"] = velocities[plant.GetVelocitiesFromArray(parts.arm.arm, at).astype(int)]
-    first = parts.block.floating_positions_start()
-    signals["block_pose"] = positions[first : first + 7]
-    samples = state.shape[1]
+    signals["block_pose"] = signals.pop("block")[:7]
+    samples = signals["q"].shape[1]
     # the log's own times carry the rounding of k·T; these are the same to the bit on every machine
     settings = loop.scenario
-    period, hold = settings.controller.period, settings.simulation.hold_time
+    period, hold = settings.controller.period, settings.simulation.lead_time
     clock = (np.arange(samples) - hold / period) * period
     wrench = signals.pop("contact_wrench")
     signals["contact_force"] = wrench[:9]

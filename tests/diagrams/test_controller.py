@@ -200,7 +200,7 @@ def test_a_replaced_box_takes_the_signals_that_it_has_inputs_for():
 
 def test_a_users_own_loop_around_the_controller_turns_as_ours_does():
     """build_controller in a builder of one's own, between an MPC and a cell: the torques of 50 ms to rounding."""
-    scenario = Scenario().with_overrides({"simulation.hold_time": 0.01})
+    scenario = Scenario().with_overrides({"simulation.start": "hold", "simulation.hold_time": 0.01})
     plan, ours = plan_motion(scenario), build_loop(scenario)
     builder = DiagramBuilder()
     hold = np.array([*plan.states[0, :3], scenario.task.start_x, 0.0, 0.0])
@@ -255,7 +255,8 @@ def test_the_boxes_have_the_scenarios_gains(loop):
         np.testing.assert_array_equal(loop.boxes.disturbance_observer.g_dis, np.full(6, 12.6))
 
 
-def test_a_run_starts_with_arm_and_block_at_the_start(loop):
+def test_a_hold_starts_with_arm_and_block_at_the_start(loop):
+    loop = build_loop(Scenario().with_overrides({"simulation.start": "hold"}), loop.architecture)
     context = loop.context()
     other = loop.context()
     plant = loop.cell.plant

@@ -125,7 +125,7 @@ def test_the_payload_hangs_at_the_flange_and_is_known_to_the_cell_alone():
 def test_the_controller_answers_to_the_state_of_so_many_samples_ago(delay, step):
     """Its law computed a second time from the recorded state, shifted by exactly the delay."""
     scenario = Scenario().with_overrides(
-        {"sensors.delay": delay, "simulation.step": step, "simulation.hold_time": 0.02, "simulation.settle_time": 0.0}
+        {"sensors.delay": delay, "simulation.step": step, "simulation.start": "hold", "simulation.hold_time": 0.02}
     )
     plan, arm = default_plan(), arm_of(scenario)
     run = simulate(scenario, "pd", plan).recording

@@ -68,7 +68,8 @@ def test_a_box_acts_in_the_loop_and_may_read_other_signals(plan):
 
 
 def test_a_controller_that_does_nothing_drops_everything(plan):
-    idle = run(plan, "pd", {"pd": Box({"x_cmd": 6}, {"a_ref": 6})})
+    scenario = SHORT.with_overrides({"simulation.start": "hold"})
+    idle = simulate(scenario, "pd", plan, replace={"pd": Box({"x_cmd": 6}, {"a_ref": 6})}).recording
     assert idle["x"].values[-1, 1] < 0.3
 
 

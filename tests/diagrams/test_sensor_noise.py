@@ -13,7 +13,7 @@ from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import Scenario, from_yaml
 from flipdiagram.simulation.simulate import simulate
 
-SHORT = {"simulation.hold_time": 0.02, "simulation.settle_time": 0.0}
+SHORT = {"simulation.start": "hold", "simulation.hold_time": 0.02, "simulation.settle_time": 0.0}
 NOISY = {"sensors.position_noise": 1e-4, "sensors.velocity_noise": 1e-2}
 
 

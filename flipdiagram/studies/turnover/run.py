@@ -45,7 +45,7 @@ def run(
     for name in architectures:
         check_architecture(name)
     if quick:
-        shorter = min(QUICK_HOLD, scenario.simulation.hold_time)
+        shorter = min(QUICK_HOLD, scenario.simulation.lead_time)
         scenario = scenario.with_overrides({"simulation.hold_time": shorter})
     folder = Path(out)
     build_loop(scenario, architectures[0])  # what is wrong with the scenario shows before anything is written

@@ -1,0 +1,72 @@
+"""What the controller sees of the joints: through what the scenario has of noise, encoder, delay, velocity filter."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, OutputPort
+
+from flipdiagram.arrays import Floats
+from flipdiagram.blocks.delay import Delay
+from flipdiagram.blocks.noise import SensorNoise
+from flipdiagram.blocks.sensors import Encoder, PseudoDerivative
+from flipdiagram.scenario.scenario import Scenario
+
+
+@dataclass
+class Sensing:
+    """q and qd (n,) [rad, rad/s] as the controller sees them, and the boxes between, by name."""
+
+    q: OutputPort
+    qd: OutputPort
+    boxes: dict[str, LeafSystem] = field(default_factory=dict)
+
+    def have_seen(self, context: Context, q: Floats) -> None:
+        """Set the states, in a root Context, that come of angles q (n,) [rad] which stay for long."""
+        for name, box in self.boxes.items():
+            own = box.GetMyMutableContextFromRoot(context)
+            if name == "delayed_q":
+                own.SetDiscreteState(np.tile(q, own.num_total_states() // len(q)))
+            elif name == "velocity":
+                own.SetDiscreteState(q)
+
+    def without_error(self, context: Context) -> None:
+        """Let them measure without noise and rounding, in a root Context."""
+        for box in self.boxes.values():
+            for name in ("deviation", "resolution"):
+                if name in box.numeric_parameter_names:
+                    box.set_parameters(box.GetMyMutableContextFromRoot(context), **{name: 0.0})
+
+
+def add_sensing(
+    builder: DiagramBuilder, scenario: Scenario, q: OutputPort, qd: OutputPort, q_start: Floats, offset: float
+) -> Sensing:
+    """Add the sensors of a scenario behind the ports q and qd of a cell; offset [s], that of the sampled boxes.
+
+    The encoder rounds angles that are noisy already.  Noise of the velocities comes before their delay, or after the
+    filter where there is one: it belongs to the velocity, however that is measured.
+    """
+    sensors, period, n = scenario.sensors, scenario.controller.period, len(q_start)
+    seen = Sensing(q, qd)
+
+    def through(box: LeafSystem, name: str, signal: OutputPort) -> OutputPort:
+        seen.boxes[name] = builder.AddNamedSystem(name, box)
+        builder.Connect(signal, box.get_input_port())
+        return box.get_output_port()
+
+    def noisy(signal: OutputPort, name: str, deviation: float, stream: int) -> OutputPort:
+        if deviation == 0:
+            return signal
+        return through(SensorNoise(np.full(n, deviation), sensors.noise_seed, period, offset, stream), name, signal)
+
+    seen.q = noisy(q, "position_noise", sensors.position_noise, 0)
+    if sensors.encoder_resolution > 0:
+        seen.q = through(Encoder(np.full(n, sensors.encoder_resolution)), "encoder", seen.q)
+    if sensors.delay > 0:
+        seen.q = through(Delay(n, sensors.delay, period, offset, q_start), "delayed_q", seen.q)
+    if sensors.velocity_cutoff is not None:
+        g_v = np.full(n, sensors.velocity_cutoff)
+        seen.qd = through(PseudoDerivative(g_v, period, offset, q_start), "velocity", seen.q)
+    seen.qd = noisy(seen.qd, "velocity_noise", sensors.velocity_noise, 1)
+    if sensors.velocity_cutoff is None and sensors.delay > 0:
+        seen.qd = through(Delay(n, sensors.delay, period, offset), "delayed_qd", seen.qd)
+    return seen
