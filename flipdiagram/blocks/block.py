@@ -55,6 +55,10 @@ class Block(LeafSystem):
     """T: float, AutoDiffXd or Expression."""
     numeric_parameter_names: tuple[str, ...] = ()
     """In the order of the Context; `compiled` calls them so."""
+    laws: dict[str, tuple[Law, int | None]]
+    """By output port: its law, and which of the law's values it is where one law has several."""
+    state_name: str | None = None
+    next_state: Law | None = None
     _sources: dict[str, tuple[Callable[[ScalarContext], Any], DependencyTicket]]
     _parameters: dict[str, tuple[int, Callable[..., Array]]]
 
@@ -64,7 +68,7 @@ class Block(LeafSystem):
 
     def _begin(self) -> None:
         self._sources = {"t": (lambda context: context.get_time(), self.time_ticket())}
-        self._parameters = {}
+        self._parameters, self.laws = {}, {}
 
     def input(self, name: str, size: int | AbstractValue) -> None:
         """Declare an input port, a vector of `size` or an abstract value."""
@@ -103,6 +107,7 @@ class Block(LeafSystem):
         """Declare the discrete state, its size (all 0) or its initial value; returns Drake's index of it."""
         sized = isinstance(initial, int)
         index = self.DeclareDiscreteState(initial if sized else np.array([self.scalar(x) for x in initial]))
+        self.state_name = name
         self._sources[name] = (
             lambda context: context.get_discrete_state_vector().CopyToVector(),
             self.discrete_state_ticket(index),
@@ -117,6 +122,7 @@ class Block(LeafSystem):
 
     def output(self, name: str, size: int, law: Law) -> None:
         """Declare an output port, the value of a law, shape (size,)."""
+        self.laws[name] = law, None
         evaluate, tickets = self._evaluated(law)
         self.DeclareVectorOutputPort(name, size, lambda context, output: output.set_value(evaluate(context)), tickets)
 
@@ -128,6 +134,7 @@ class Block(LeafSystem):
         )
         entry = self.DeclareCacheEntry(", ".join(names), producer, tickets)
         for i, name in enumerate(names):
+            self.laws[name] = law, i
             self.DeclareVectorOutputPort(
                 name, size, lambda context, output, i=i: output.set_value(entry.Eval(context)[i]), {entry.ticket()}
             )
@@ -135,6 +142,7 @@ class Block(LeafSystem):
     def update(self, law: Law, period: float, offset: float = 0.0) -> None:
         """Declare that the state becomes a law's value each `period`, first at `offset` [s]; both become attributes."""
         self.period, self.offset = sampling(period, offset)
+        self.next_state = law
         evaluate, _ = self._evaluated(law)
         self.DeclarePeriodicDiscreteUpdateEvent(
             self.period, self.offset, lambda context, values: values.set_value(evaluate(context))

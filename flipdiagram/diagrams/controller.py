@@ -51,6 +51,17 @@ class ControllerBoxes:
     gravity_compensation: LeafSystem | None = None
     """Not in the paper's figure: present only where the scenario asks for it."""
 
+    @property
+    def systems(self) -> dict[str, LeafSystem]:
+        """The boxes that there are, by name."""
+        return {name: box for name, box in vars(self).items() if box is not None}
+
+    def output(self, signal: str) -> OutputPort | None:
+        """The port of a signal of the figure: tau, tau_dis, x, v; None where the architecture lacks it."""
+        senders = {"tau": self.torque_limit, "tau_dis": self.disturbance_observer}
+        box = senders.get(signal, self.tool_kinematics)
+        return None if box is None else box.GetOutputPort(signal)
+
 
 def check_architecture(architecture: str) -> str:
     """The name itself; raises InputError, naming the valid ones, for another."""

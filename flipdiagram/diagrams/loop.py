@@ -15,6 +15,7 @@ from flipdiagram.blocks.mpc import COMMANDS, ModelPredictiveController
 from flipdiagram.blocks.receding_horizon import RecedingHorizonController, Timing
 from flipdiagram.diagrams.controller import ControllerBoxes, add_controller
 from flipdiagram.diagrams.equilibrium import Equilibrium, equilibrium, no_equilibrium
+from flipdiagram.diagrams.native_controller import NativeController, add_native_controller
 from flipdiagram.diagrams.replacement import Box, build_diagram
 from flipdiagram.diagrams.sensing import Sensing, add_sensing
 from flipdiagram.diagrams.start import Start, start_of
@@ -26,6 +27,7 @@ from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import Scenario
 
+Controller = ControllerBoxes | NativeController
 SATURATED = 1e-6
 """Relative distance to a torque limit below which a joint counts as too weak."""
 REPLANNING = ("solve_time", "iterations", "status", "cone_margin")
@@ -42,7 +44,7 @@ class Loop:
     arm: ArmModel
     mpc: ModelPredictiveController
     sensing: Sensing
-    boxes: ControllerBoxes
+    boxes: Controller
     cell: Cell
     q_start: Floats
     """Joint angles of the start pose (n,) [rad]."""
@@ -61,8 +63,7 @@ class Loop:
         """Where an endless hold of the start pose ends; raises SimulationError where it ends nowhere."""
         context = self.diagram.CreateDefaultContext()
         self.sensing.without_error(context)
-        tau = self.boxes.torque_limit.GetOutputPort("tau")
-        found = equilibrium(self._controller, tau, context, self._stand, self.cell.holding_torque, self.q_start)
+        found = equilibrium(self.boxes.systems, self._tau, context, self._stand, self.cell.holding_torque, self.q_start)
         weak = np.abs(self.cell.holding_torque(found.q)) >= self.arm.tau_max * (1 - SATURATED)
         if weak.any():
             joint = int(np.argmax(weak))
@@ -82,18 +83,19 @@ class Loop:
         context = self.diagram.CreateDefaultContext()
         if self.scenario.simulation.start == "equilibrium":
             self._stand(context, self.equilibrium.q)
-            self.equilibrium.put(self._controller, context)
+            self.equilibrium.put(self.boxes.systems, context)
             if self.diagram.HasSubsystemNamed("hold"):  # it has sent this torque for long
-                tau = self.boxes.torque_limit.GetOutputPort("tau")
                 hold = self.diagram.GetSubsystemByName("hold").GetMyMutableContextFromRoot(context)
-                hold.SetDiscreteState(tau.Eval(self.boxes.torque_limit.GetMyContextFromRoot(context)))
+                hold.SetDiscreteState(self._tau.Eval(self._tau.get_system().GetMyContextFromRoot(context)))
         if plan is not None:
             self.mpc.set_plan(self.mpc.GetMyMutableContextFromRoot(context), plan)
         return context
 
     @property
-    def _controller(self) -> dict[str, LeafSystem]:
-        return {name: box for name, box in vars(self.boxes).items() if box is not None}
+    def _tau(self) -> OutputPort:
+        tau = self.boxes.output("tau")
+        assert tau is not None
+        return tau
 
     def _stand(self, context: Context, q: Floats) -> None:
         self.cell.stand(context, q)
@@ -107,6 +109,7 @@ def build_loop(
     record: bool = False,
     replace: Mapping[str, Box] | None = None,
     meshcat: Meshcat | None = None,
+    native: bool = False,
 ) -> Loop:
     """Wire MPC, controller, sensors and cell of a scenario into one diagram, boxes named as in Fig. 4.
 
@@ -117,6 +120,8 @@ def build_loop(
         record: add sinks that log the signals every controller period.
         replace: boxes of the user's own by name, {"pd": MyController}, see `replacement.with_replaced`.
         meshcat: where to show the cell.
+        native: the controller as one box that computes the same, to rounding, in a fraction of the time; its boxes are
+            then none of the diagram's.  Not with boxes of the user's own.
 
     Raises:
         InputError: for an unknown architecture, a bad number or a box that does not fit.
@@ -135,10 +140,14 @@ def build_loop(
     cell = add_cell(builder, scenario, arm, start.q)
     seen = add_sensing(builder, scenario, cell.q, cell.qd, start.q, offset)
     signals = {**{name: mpc.GetOutputPort(name) for name in COMMANDS}, "q": seen.q, "qd": seen.qd}
-    boxes = add_controller(builder, scenario, architecture, arm, start.q, signals, offset, replace)
+    boxes: Controller
+    if native and not replace:
+        boxes = add_native_controller(builder, scenario, architecture, arm, start.q, signals, offset)
+    else:
+        boxes = add_controller(builder, scenario, architecture, arm, start.q, signals, offset, replace)
     if isinstance(mpc, RecedingHorizonController):
         _close_horizon(builder, scenario, mpc, cell, boxes, seen.q)
-    tau = boxes.torque_limit.GetOutputPort("tau")
+    tau = boxes.output("tau")
     if fine:
         hold = builder.AddNamedSystem("hold", ZeroOrderHold(period, arm.n_joints, offset))
         builder.Connect(tau, hold.get_input_port())
@@ -154,14 +163,14 @@ def build_loop(
 
 
 def _record(
-    builder: DiagramBuilder, mpc: LeafSystem, boxes: ControllerBoxes, cell: Cell, tau: OutputPort, period: float
+    builder: DiagramBuilder, mpc: LeafSystem, boxes: Controller, cell: Cell, tau: OutputPort, period: float
 ) -> dict[str, VectorLogSink]:
     """Sinks for what a recording is made of, by signal name."""
     names = (*COMMANDS, *REPLANNING) if isinstance(mpc, RecedingHorizonController) else COMMANDS
     signals = {name: mpc.GetOutputPort(name) for name in names}
     signals |= {name: getattr(cell, name) for name in ("q", "qd", "block", "contact_wrench")} | {"tau": tau}
-    if boxes.disturbance_observer is not None:
-        signals["tau_dis"] = boxes.disturbance_observer.GetOutputPort("tau_dis")
+    if (tau_dis := boxes.output("tau_dis")) is not None:
+        signals["tau_dis"] = tau_dis
     logs = {}
     for name, port in signals.items():
         logs[name] = builder.AddNamedSystem(f"log_{name}", VectorLogSink(port.size(), period))
@@ -199,12 +208,12 @@ def _close_horizon(
     scenario: Scenario,
     mpc: RecedingHorizonController,
     cell: Cell,
-    boxes: ControllerBoxes,
+    boxes: Controller,
     q: OutputPort,
 ) -> None:
     """What a replanning MPC measures: the tool, the joints and, where there is a camera, the object on the blade."""
     for name in ("x", "v"):
-        builder.Connect(boxes.tool_kinematics.GetOutputPort(name), mpc.GetInputPort(name))
+        builder.Connect(boxes.output(name), mpc.GetInputPort(name))
     builder.Connect(q, mpc.GetInputPort("q"))
     sensors = scenario.sensors
     if sensors.camera_period is not None:

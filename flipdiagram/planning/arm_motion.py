@@ -89,8 +89,8 @@ class ChainMotion(ArmMotion):
 
     def __init__(self, arm: ArmModel, x: float, chain: SerialChain) -> None:
         super().__init__(arm, x)
-        from flipdiagram.planning import chain as kinematics  # imports numba
-        from flipdiagram.planning import dynamics
+        from flipdiagram.robot import chain as kinematics  # imports numba
+        from flipdiagram.robot import dynamics
 
         self._chain, self._kinematics, self._dynamics = chain, kinematics, dynamics
         home = np.array([arm.home, arm.home], dtype=float)  # may be singular

@@ -21,10 +21,10 @@ from flipdiagram.arrays import Floats, Indices
 from flipdiagram.planning import dense
 from flipdiagram.planning.dense import DenseProgram
 from flipdiagram.planning.horizon import INPUTS, STATES, STRIDE, Layout
-from flipdiagram.planning.jit import compiled
 from flipdiagram.planning.model import LandingCost, flight
 from flipdiagram.planning.program import FREE_TRUST, TRUST_LENGTH, TURNING_RADIUS, HorizonProgram, Solution
 from flipdiagram.planning.rows import Rows
+from flipdiagram.robot.jit import compiled
 
 CONDENSED = "daqp"
 """`planner.solver` by which the condensed program is chosen."""

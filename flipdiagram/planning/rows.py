@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flipdiagram.arrays import Floats, Indices
-from flipdiagram.planning.jit import compiled
+from flipdiagram.robot.jit import compiled
 
 
 class Part(NamedTuple):

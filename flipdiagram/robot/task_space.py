@@ -24,6 +24,7 @@ AXES = ("y", "z", "theta", "x", "pitch", "yaw")
 UNITS = ("m", "m", "rad", "m", "rad", "rad")
 TURNS_PER_UNIT = np.array([0, 0, 1, 0, 1, 1]) / (2 * math.pi)  # of AXES: lengths have no turns
 COS_PITCH_MIN = 1e-6  # below, theta and yaw turn about the same axis
+UPRIGHT = "the tool points straight up or down (pitch +-90 deg), where theta and yaw are one"
 
 
 def coordinates(R: Array, p: Array) -> Array:
@@ -57,7 +58,7 @@ def rate_map(R: Array) -> Array:
     if type(r00) is float:
         cos_pitch = math.hypot(r00, r10)
         if cos_pitch < COS_PITCH_MIN:
-            raise PlanningError("the tool points straight up or down (pitch +-90 deg), where theta and yaw are one")
+            raise PlanningError(UPRIGHT)
         N = np.zeros((6, 6))
     else:
         cos_pitch = drake_math.sqrt(r00 * r00 + r10 * r10)

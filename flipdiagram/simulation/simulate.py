@@ -56,7 +56,9 @@ def simulate(
         PlanningError: where there is no motion.
         SimulationError: where the simulation diverges.
     """
-    return simulate_loop(build_loop(scenario, architecture, record=True, replace=replace), plan, progress)
+    return simulate_loop(
+        build_loop(scenario, architecture, record=True, replace=replace, native=replace is None), plan, progress
+    )
 
 
 def simulate_loop(

@@ -173,8 +173,6 @@ class Counting(Integral):
 )
 def test_where_there_is_none_one_line_says_what_to_do(fields, replace, reason):
     loop = build_loop(Scenario().with_overrides(fields), "pd", replace=replace)
-    with pytest.raises(
-        SimulationError, match=f"no equilibrium to start from: {reason}"
-    ) as caught:
+    with pytest.raises(SimulationError, match=f"no equilibrium to start from: {reason}") as caught:
         loop.context()
     assert "valid is simulation.start: hold or switch-on" in str(caught.value) and "\n" not in str(caught.value)

@@ -15,6 +15,7 @@ from flipdiagram.planning.convexification import Convexification
 from flipdiagram.planning.limits import SPEED, TORQUE
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.arm_spec import ArmFile, ArmSpec
+from flipdiagram.robot.native_arm import NativeArm, native_arm
 from flipdiagram.scenario.scenario import Scenario
 
 X = 0.5
@@ -35,6 +36,18 @@ ARMS = {
 @pytest.fixture(scope="module", params=ARMS)
 def any_arm(request):
     return ArmModel(ArmSpec(**ARMS[request.param]))
+
+
+def test_task_kinematics_as_machine_code_are_those_of_drake(any_arm):
+    native, rng = native_arm(any_arm), np.random.default_rng(1)
+    assert isinstance(native, NativeArm) and native.n_joints == any_arm.n_joints
+    for _ in range(40):
+        q, qd = any_arm.home + rng.uniform(-2.0, 2.0, any_arm.n_joints), rng.normal(size=any_arm.n_joints)
+        expected = any_arm.task_kinematics(q, qd)
+        for ours, theirs in zip(native.task_kinematics(q, qd), expected, strict=True):
+            np.testing.assert_allclose(ours, theirs, atol=1e-12 * (1 + np.abs(theirs).max()))
+        for ours, theirs in zip(native.task_position_velocity(q, qd), expected[:2], strict=True):
+            np.testing.assert_allclose(ours, theirs, atol=1e-12 * (1 + np.abs(theirs).max()))
 
 
 def test_kinematics_and_dynamics_are_those_of_drake(any_arm):

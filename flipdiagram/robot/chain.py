@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flipdiagram.arrays import Floats
-from flipdiagram.planning.jit import jit
+from flipdiagram.robot.jit import jit
 from flipdiagram.robot.serial_chain import SerialChain
 
 TURN = 2 * math.pi
@@ -282,3 +282,19 @@ def speeds(chain: SerialChain, q: Any, v: Any, qd: Any) -> bool:
             for r in range(6):
                 qd[k, i] += J[r, i] * y[r]
     return True
+
+
+@jit
+def task_kinematics(chain: SerialChain, q: Any, qd: Any) -> tuple[Floats, Floats, Floats, Floats, bool]:
+    """x, v (6,), J (6, n), J' q̇ (6,) at joint angles and speeds (n,), as of ArmModel; False where pitch is ±90°."""
+    links, x, v, J, bias = empty_links(1, q.size), np.empty(6), np.zeros(6), np.empty((6, q.size)), np.empty(6)
+    place(chain, q, links, 0, False)
+    end = links.end[0]
+    theta = math.atan2(end[2, 1], end[2, 2])
+    x[0], x[1], x[2], x[3] = end[3, 1], end[3, 2], theta if theta > -TURN / 4 else theta + TURN, end[3, 0]
+    x[4], x[5] = math.atan2(-end[2, 0], math.hypot(end[0, 0], end[1, 0])), math.atan2(end[1, 0], end[0, 0])
+    regular = jacobian(links, 0, J)
+    for i in range(q.size):
+        v += J[:, i] * qd[i]
+    bias_acceleration(qd, links.axes[0], links.points[0], end, bias)
+    return x, v, J, bias, regular

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from flipdiagram.arrays import Floats
-from flipdiagram.planning.chain import Along, Links
-from flipdiagram.planning.jit import jit
+from flipdiagram.robot.chain import Along, Links
+from flipdiagram.robot.jit import jit
 from flipdiagram.robot.serial_chain import SerialChain
 
 Vector = tuple[float, float, float]

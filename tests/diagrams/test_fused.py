@@ -1,0 +1,138 @@
+"""A diagram of Blocks as one box: equal to it tick by tick, and refused where a law is not known."""
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from shared import default_flip, default_plan
+
+from flipdiagram.blocks.commands import SinusoidalCommand
+from flipdiagram.blocks.observer import DisturbanceObserver
+from flipdiagram.blocks.pd import ProportionalDerivative
+from flipdiagram.diagrams.controller import build_controller
+from flipdiagram.diagrams.fused import Fused, NotFusible
+from flipdiagram.diagrams.loop import build_loop
+from flipdiagram.robot.native_arm import native_arm
+from flipdiagram.robot.parts import arm_of
+from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
+from flipdiagram.simulation.simulate import simulate
+
+SIGNALS = ("x_cmd", "v_cmd", "a_cmd", "q", "qd")
+
+
+def controller(architecture, arm, **fields):
+    return build_controller(Scenario().with_overrides(fields), architecture, arm)
+
+
+def sent(system, ticks):
+    """The torques of a controller that sees these inputs, one dict a period."""
+    context = system.CreateDefaultContext()
+    simulator, torques = Simulator(system, context), []
+    simulator.Initialize()
+    for k, inputs in enumerate(ticks):
+        for name, value in inputs.items():
+            system.GetInputPort(name).FixValue(context, value)
+        torques.append(system.GetOutputPort("tau").Eval(context).copy())
+        simulator.AdvanceTo((k + 1) * 0.001)
+    return np.array(torques)
+
+
+def _about(name, arm):
+    return {"q": arm.home, "x_cmd": arm.task_position(arm.home)}.get(name, 0.0)
+
+
+def random_ticks(arm, count=40):
+    rng = np.random.default_rng(3)
+    sizes = {"x_cmd": 6, "v_cmd": 6, "a_cmd": 6, "q": arm.n_joints, "qd": arm.n_joints}
+    return [
+        {name: _about(name, arm) + 0.01 * rng.normal(size=size) for name, size in sizes.items()}
+        for _ in range(count)
+    ]
+
+
+@pytest.mark.parametrize("architecture", ARCHITECTURES)
+@pytest.mark.parametrize("fields", [{}, {"controller.gravity_compensation": 0.7}], ids=["figure", "gravity"])
+def test_it_has_the_bits_of_the_diagram(architecture, fields):
+    arm = arm_of(Scenario())
+    torques = [
+        sent(system, random_ticks(arm))
+        for system in (controller(architecture, arm, **fields), Fused(controller(architecture, arm, **fields)))
+    ]
+    np.testing.assert_array_equal(*torques)
+    assert np.ptp(torques[0], axis=0).min() > 0.01
+
+
+@pytest.mark.parametrize("architecture", ["pd+ff", "pd+ff+dob"])
+def test_the_native_controller_sends_the_torques_of_the_boxes_over_a_flip(architecture):
+    """Along one recording: in the loop contact would amplify the rounding."""
+    flip, arm = default_flip().recording, arm_of(Scenario())
+    hold = np.array([0.5, 0.0, 0.0])
+    ticks = []
+    for k in range(flip.sizes["time"]):
+        commands = {
+            name: np.append(flip[name].values[k], hold if name == "x_cmd" else np.zeros(3)) for name in SIGNALS[:3]
+        }
+        ticks.append(commands | {name: flip[name].values[k] for name in ("q", "qd")})
+    boxes = sent(controller(architecture, arm), ticks)
+    native = sent(Fused(controller(architecture, native_arm(arm))), ticks)
+    np.testing.assert_allclose(native, boxes, atol=1e-12 * np.abs(boxes).max())
+    assert np.abs(boxes).max() > 20.0
+
+
+def test_runs_use_it_unless_a_box_is_the_users_own():
+    plan = default_plan()
+    scenario = Scenario().with_overrides({"simulation.hold_time": 0.02, "simulation.settle_time": 0.0})
+    gains = np.full(6, 350.0), np.full(6, 120.0)
+    own = {"pd": lambda: ProportionalDerivative(*gains)}
+    runs = [simulate(scenario, "pd+dob", plan, replace=replace).recording for replace in (None, own)]
+    np.testing.assert_allclose(*(run["tau"].values[:40] for run in runs), atol=1e-9)
+    assert build_loop(scenario, "pd+dob", native=True).diagram.HasSubsystemNamed("controller")
+    assert not build_loop(scenario, "pd+dob", native=True, replace=own).diagram.HasSubsystemNamed("controller")
+
+
+def test_a_tick_of_its_law_stands_in_its_state():
+    """Two Contexts of one box share nothing."""
+    arm = arm_of(Scenario())
+    box, ticks = Fused(controller("pd+dob", arm)), random_ticks(arm, 5)
+    first = sent(box, ticks)
+    np.testing.assert_array_equal(first, sent(box, ticks))
+
+
+class Foreign(LeafSystem):
+    def __init__(self):
+        super().__init__()
+        self.DeclareVectorInputPort("u", 1)
+        self.DeclareVectorOutputPort("y", 1, lambda context, output: output.set_value([0.0]))
+
+
+def observers(*periods):
+    builder = DiagramBuilder()
+    for k, period in enumerate(periods):
+        box = builder.AddNamedSystem(f"observer{k}", DisturbanceObserver(1.0, 1.0, period))
+        for i in range(2):
+            builder.ExportInput(box.get_input_port(i), f"u{k}{i}")
+        builder.ExportOutput(box.get_output_port(), f"y{k}")
+    return builder.Build()
+
+
+def alone(box):
+    builder = DiagramBuilder()
+    builder.AddNamedSystem("box", box)
+    for i in range(box.num_input_ports()):
+        builder.ExportInput(box.get_input_port(i), f"u{i}")
+    builder.ExportOutput(box.get_output_port(0), "y")
+    return builder.Build()
+
+
+@pytest.mark.parametrize(
+    "diagram, name",
+    [
+        (lambda: alone(Foreign()), "box"),
+        (lambda: alone(SinusoidalCommand(1.0, 1.0)), "box"),
+        (lambda: observers(0.001, 0.002), "observer0, observer1"),
+    ],
+    ids=["no Block", "reads the time", "two sample times"],
+)
+def test_what_cannot_be_fused_is_named(diagram, name):
+    with pytest.raises(NotFusible, match=name):
+        Fused(diagram())
