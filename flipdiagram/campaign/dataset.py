@@ -1,13 +1,14 @@
 """A campaign's file as an xarray.Dataset of trials × architectures, and as CSV, Parquet and NetCDF."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd  # type: ignore[import-untyped]  # pandas-stubs may be missing
 import xarray as xr
 
-from flipdiagram.arrays import Floats
 from flipdiagram.campaign.distributions import is_number
 from flipdiagram.errors import InputError
 from flipdiagram.files import atomic_path
@@ -29,6 +30,10 @@ METRICS = {
     "torque_use": "1",
 }
 """Metrics of a flip that become variables, with their units; torque_use: largest torque of any joint over its limit."""
+CIRCUMSTANCES = {"seconds": "s", "attempts": "1"}
+TORQUE = "max_torque_{}_Nm"
+"""Column of a joint's torque in a table."""
+KEYS = ["trial", "architecture"]
 FORMATS = (".csv", ".parquet", ".nc")
 
 
@@ -44,41 +49,52 @@ def load_dataset(path: str | Path) -> xr.Dataset:
 
 def to_dataset(specification: dict[str, Any], rows: list[Row]) -> xr.Dataset:
     """The rows of a campaign by trial and architecture; only trials of which there is a row."""
-    architectures, names = specification["architectures"], [dimension["name"] for dimension in specification["vary"]]
-    indices = np.array([row.trial for row in rows], dtype=np.int64)
-    trials, first, trial = np.unique(indices, return_index=True, return_inverse=True)
-    at = trial, np.array([architectures.index(row.architecture) for row in rows], dtype=np.int64)
-    dims, shape = ("trial", "architecture", "joint"), (len(trials), len(architectures))
-    outcome = np.full(shape, "", dtype=object)
-    outcome[at] = [row.outcome for row in rows]
+    names = [dimension["name"] for dimension in specification["vary"]]
     joints = max((len(row.metrics["max_torque_Nm"]) for row in rows if row.metrics), default=0)
+    torques = [TORQUE.format(k + 1) for k in range(joints)]
+    entries = []
+    for row in rows:
+        metrics = row.metrics or {}
+        numbers = dict(metrics) | dict(zip(torques, metrics.get("max_torque_Nm", ()), strict=False))
+        numbers |= {name: getattr(row, name) for name in ("trial", "architecture", "outcome", "seed", *CIRCUMSTANCES)}
+        entries.append(numbers | dict(zip(names, row.values, strict=True)))
+    table = pd.DataFrame(entries, columns=[*KEYS, "outcome", "seed", *METRICS, *CIRCUMSTANCES, *torques, *names])
+    attributes = {
+        "parameters": json.dumps(names),
+        "specification": json.dumps(specification, sort_keys=True),
+        "sampler": specification["sampler"],
+        "trials": specification["trials"],
+    }
+    return _by_trial(table, specification["architectures"]).assign_attrs(attributes)
 
-    def numbers(units: str, values: list[Any], *joints: int) -> tuple[tuple[str, ...], Floats, dict[str, str]]:
-        array = np.full((*shape, *joints), np.nan)
-        array[at] = np.array(values, dtype=float).reshape(len(rows), *joints)  # None becomes nan
-        return dims[: array.ndim], array, {"units": units}
 
-    metrics = [row.metrics or {"max_torque_Nm": [np.nan] * joints} for row in rows]
+def read_table(file: Path) -> xr.Dataset:
+    """What `export` wrote as .csv or .parquet; KeyError where a column of a campaign is missing."""
+    table = pd.read_csv(file) if file.suffix == ".csv" else pd.read_parquet(file)
+    if absent := {*KEYS, "outcome", "success", "seed"} - set(table.columns):
+        raise KeyError(f"the columns {', '.join(sorted(absent))} of a campaign")
+    return _by_trial(table.drop(columns="success"), list(dict.fromkeys(table["architecture"])))
+
+
+def _by_trial(table: pd.DataFrame, architectures: list[str]) -> xr.Dataset:
+    """A table with a row a flip, spread over trial and architecture; what is no number of a flip is of its trial."""
+    data = table.astype({"trial": np.int64}).set_index(KEYS).to_xarray().reindex(architecture=architectures)
+    outcome = data["outcome"].fillna("").astype(str)
+    numbers = {name: unit for name, unit in (METRICS | CIRCUMSTANCES).items() if name in data}
+    torques = [name for name in table.columns if re.fullmatch(TORQUE.format(r"\d+"), name)]
+    joints = np.array([data[name].values for name in torques], dtype=float).reshape(len(torques), *outcome.shape)
+    first = table.drop_duplicates("trial").set_index("trial").loc[data["trial"].values]
+    parameters = first.columns.difference([*KEYS, "outcome", "seed", *numbers, *torques], sort=False)
     return xr.Dataset(
         {
-            "outcome": (dims[:2], outcome.astype(str)),
-            "success": (dims[:2], outcome == SUCCESS),
-            **{name: numbers(units, [row.get(name) for row in metrics]) for name, units in METRICS.items()},
-            "seconds": numbers("s", [row.seconds for row in rows]),
-            "attempts": numbers("1", [row.attempts for row in rows]),
-            "max_torque": numbers("N m", [row["max_torque_Nm"] for row in metrics], joints),
+            "outcome": outcome,
+            "success": outcome == SUCCESS,
+            **{name: data[name].astype(float).assign_attrs(units=unit) for name, unit in numbers.items()},
+            "max_torque": ((*KEYS, "joint"), np.moveaxis(joints, 0, -1), {"units": "N m"}),
         },
         coords={
-            "trial": trials,
-            "architecture": architectures,
-            "seed": ("trial", np.array([rows[k].seed for k in first], dtype=np.int64)),
-            **{name: ("trial", _column([rows[k].values[j] for k in first])) for j, name in enumerate(names)},
-        },
-        attrs={
-            "parameters": json.dumps(names),
-            "specification": json.dumps(specification, sort_keys=True),
-            "sampler": specification["sampler"],
-            "trials": specification["trials"],
+            "seed": ("trial", first["seed"].astype(np.int64)),
+            **{name: ("trial", _column(first[name].tolist())) for name in parameters},
         },
     )
 
@@ -121,10 +137,10 @@ def export(path: str | Path, target: str | Path) -> Path:
     return target
 
 
-def _flat(data: xr.Dataset) -> Any:
-    """A pandas.DataFrame, one row a flip that has ended; joint torques as columns."""
+def _flat(data: xr.Dataset) -> pd.DataFrame:
+    """One row a flip that has ended; joint torques as columns."""
     torque = data["max_torque"]
-    columns = {f"max_torque_{k + 1}_Nm": torque.isel(joint=k) for k in range(torque.sizes["joint"])}
+    columns = {TORQUE.format(k + 1): torque.isel(joint=k) for k in range(torque.sizes["joint"])}
     frame = data.drop_vars("max_torque").assign(columns).to_dataframe().reset_index()
     return frame[frame["outcome"] != ""]
 

@@ -10,8 +10,7 @@ import xarray as xr
 from flipdiagram.grid import Grid, number
 from flipdiagram.planning.plan import SCHEMA as PLAN_SCHEMA
 from flipdiagram.planning.plan import Plan
-from flipdiagram.results.exports import CAMPAIGN
-from flipdiagram.results.opening import BROKEN, AnyPath, Source, damaged, read
+from flipdiagram.results.opening import BROKEN, CAMPAIGN, AnyPath, Source, damaged, read
 from flipdiagram.results.signals import check_recording, components, flat, scenario_fields
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.metrics import measure

@@ -11,13 +11,15 @@ from typing import Any
 
 import xarray as xr
 
+from flipdiagram.campaign import dataset
 from flipdiagram.errors import InputError
 from flipdiagram.planning.plan import SCHEMA as PLAN_SCHEMA
 from flipdiagram.planning.plan import Plan
-from flipdiagram.results.exports import CAMPAIGN, read_table, with_truth_values
 from flipdiagram.simulation.recording_files import load_recording
 from flipdiagram.studies.registry import STUDIES
 
+CAMPAIGN = "campaign data"
+"""The flips of a campaign over (trial, architecture), from its file or an exported one."""
 VERSION = 1
 """Version of every schema that this code reads."""
 IN_FOLDER = ("summary.json", "tuning.json", "plan.json", "frequency.nc", "campaign.sqlite")
@@ -79,12 +81,10 @@ def read(path: AnyPath) -> Source:
     if file.suffix == ".json":
         return _read_json(file)
     if file.suffix == ".sqlite":
-        from flipdiagram.campaign.dataset import load_dataset
-
-        return Source(file, CAMPAIGN, load_dataset(file))
+        return Source(file, CAMPAIGN, dataset.load_dataset(file))
     if file.suffix in (".csv", ".parquet"):
         try:
-            return Source(file, CAMPAIGN, read_table(file))
+            return Source(file, CAMPAIGN, dataset.read_table(file))
         except ImportError:
             install = "pip install 'flipdiagram[parquet]'"
             raise _refused(file, "needs pyarrow, which is not installed; install it with", install, ": ") from None
@@ -162,6 +162,6 @@ def _read_dataset(file: Path) -> Source:
     if "linear_peak_x" in data and "omega" in data.coords:
         return Source(file, "frequency data", data)
     if {"trial", "architecture"} <= set(data.sizes) and "outcome" in data:
-        return Source(file, CAMPAIGN, with_truth_values(data))
+        return Source(file, CAMPAIGN, data.assign(success=data["success"].astype(bool)))  # NetCDF 3 has numbers only
     names = ", ".join(str(name) for name in list(data.data_vars)[:6]) or "nothing"
     raise _refused(file, f"holds {names}: neither a recording nor frequency data nor a campaign")
