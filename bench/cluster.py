@@ -54,7 +54,7 @@ def plan_nothing(believed: Scenario) -> Planned:
 
 def fly_nothing(flight: Flight, plan: str) -> Landed:
     """A trial without a flip."""
-    return Landed(Outcome(None, NOTHING), None, 0.0, *provenance())
+    return Landed(Outcome(None, NOTHING), 0.0, *provenance())
 
 
 WORK = Work(plan_nothing, fly_nothing)

@@ -9,7 +9,7 @@ import xarray as xr
 
 from flipdiagram.campaign.dataset import counted, parameters_of
 from flipdiagram.campaign.sensitivity import TARGETS, chance, groups_of, sensitivities, sobol, strengths
-from flipdiagram.campaign.statistics import holm, mcnemar, paired_counts, paired_difference, wilson
+from flipdiagram.campaign.statistics import holm, paired, success_rate
 from flipdiagram.flips.outcome import MODES
 from flipdiagram.simulation.metrics import SATURATED
 
@@ -42,7 +42,6 @@ def analyse(data: xr.Dataset) -> dict[str, Any]:
 def _architecture(part: xr.Dataset) -> dict[str, Any]:
     among = counted(part)
     won, n = int(part["success"].values[among].sum()), int(among.sum())
-    low, high = wilson(won, n)
     outcomes = part["outcome"].values
     torque = part["torque_use"].values
     flew = np.isfinite(torque)
@@ -50,9 +49,7 @@ def _architecture(part: xr.Dataset) -> dict[str, Any]:
         "flips": int((outcomes != "").sum()),
         "counted": n,
         "successes": won,
-        "rate": won / n if n else None,
-        "low": low,
-        "high": high,
+        **success_rate(won, n),
         "modes": {mode: int((outcomes == mode).sum()) for mode in MODES if (outcomes == mode).any()},
         "saturated": float((torque[flew] >= SATURATED).mean()) if flew.any() else None,
         "quantiles": {name: _quantiles(part[name].values) for name in MEASURED},
@@ -72,11 +69,8 @@ def _pairs(data: xr.Dataset, names: list[str]) -> list[dict[str, Any]]:
     for one, other in itertools.combinations(names[::-1], 2):
         a, b = data.sel(architecture=one), data.sel(architecture=other)
         among = counted(a) & counted(b)
-        won_a, won_b = a["success"].values[among], b["success"].values[among]
-        counts = paired_counts(won_a, won_b)
-        difference, low, high = paired_difference(*counts)
-        pair = {"first": one, "second": other, "trials": sum(counts), "first_only": counts[1], "second_only": counts[2]}
-        pairs.append(pair | {"difference": difference, "low": low, "high": high, "p": mcnemar(*counts[1:3])})
+        compared = paired(a["success"].values[among], b["success"].values[among])
+        pairs.append({"first": one, "second": other, **compared})
     adjusted = holm([pair["p"] for pair in pairs])
     return [pair | {"p_holm": p} for pair, p in zip(pairs, adjusted, strict=True)]
 
@@ -89,15 +83,14 @@ def _success_map(data: xr.Dataset, names: list[str], sensitivity: Mapping[str, A
         return None
     cells = int(np.clip(np.sqrt(data.sizes["trial"] / PER_CELL), 2, MOST_CELLS))
     x, y = (_axis(data[name].values, cells) for name in parameters)
+    bins = [np.arange(len(axis["values"]) + 1) for axis in (y, x)]
     counts: dict[str, Any] = {}
     for name in names:
         part = data.sel(architecture=name)
-        among, won = counted(part), part["success"].values
-        shape = (len(y["values"]), len(x["values"]))
-        trials, successes = np.zeros(shape, dtype=int), np.zeros(shape, dtype=int)
-        np.add.at(trials, (y["index"][among], x["index"][among]), 1)
-        np.add.at(successes, (y["index"][among], x["index"][among]), won[among].astype(int))
-        counts[name] = {"trials": trials.tolist(), "successes": successes.tolist()}
+        among = counted(part)
+        for key, which in (("trials", among), ("successes", among & part["success"].values)):
+            cells, *_ = np.histogram2d(y["index"][which], x["index"][which], bins)
+            counts.setdefault(name, {})[key] = cells.astype(int).tolist()
     x, y = ({"parameter": name} | axis for name, axis in zip(parameters, (x, y), strict=True))
     del x["index"], y["index"]
     return {"x": x, "y": y, "architectures": counts}

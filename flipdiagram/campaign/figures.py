@@ -13,10 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
 from flipdiagram.campaign.sensitivity import TARGETS, strength, strengths
-from flipdiagram.figures.style import NAMES, RC, STYLES, save
+from flipdiagram.campaign.tables import Summary
+from flipdiagram.figures.style import NAMES, RC, STYLES, save, tidy
 from flipdiagram.flips.outcome import MODES, SUCCESS
-
-Summary = Mapping[str, Any]
 
 COLOURS = {
     SUCCESS: "#009E73",
@@ -82,7 +81,7 @@ def plot_success(summary: Summary) -> Figure:
         right.set(xlim=(0, 100), xlabel="outcomes [% of the flips]")
         if modes:
             right.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(len(modes), 4), frameon=False)
-        _plain(left)
+        tidy(left)
         right.spines[["top", "right"]].set_visible(False)
         right.tick_params(left=False)
     return figure
@@ -111,7 +110,7 @@ def plot_sensitivity(summary: Summary) -> Figure:
             ax.axvspan(0, 100 * summary["chance"], color="0.9", linewidth=0, zorder=0)
             ax.set_title(f"of: {TARGETS[target]}", fontsize=9.5)
             ax.set_xlim(0, None)
-            _plain(ax)
+            tidy(ax)
         words = "share of the variance of the ranks [%];  + −: sign of the rank correlation;  grey: chance"
         figure.supxlabel(words, fontsize=9)
         handles, labels = panels[0].get_legend_handles_labels()
@@ -162,7 +161,7 @@ def plot_errors(data: xr.Dataset) -> Figure:
                     style = STYLES[str(architecture)].line()
                     ax.step(values, shares, where="post", label=NAMES[str(architecture)], **style)
             ax.set(xlabel=label, ylim=(0, 101))
-            _plain(ax)
+            tidy(ax)
         if np.nanmin(data["position_rmse_m"].values) > 0:
             panels[0].set_xscale("log")
             panels[0].xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
@@ -198,7 +197,7 @@ def plot_tuning(tuning: Summary) -> Figure:
         right.set(xlim=(-0.5, 1.5), ylim=(-2, 102), ylabel="turned over [%], 95 % interval")
         right.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
         for ax in (left, right):
-            _plain(ax)
+            tidy(ax)
     return figure
 
 
@@ -219,9 +218,3 @@ def _short(name: str) -> str:
     """Fields that vary together by the first of them."""
     first, comma, _ = name.partition(",")
     return f"{first} …" if comma else first
-
-
-def _plain(ax: Axes) -> None:
-    ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
-    ax.spines[["top", "right"]].set_visible(False)

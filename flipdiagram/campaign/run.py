@@ -1,26 +1,24 @@
 """A campaign from its specification to its file: what is missing is flown, by whatever workers."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from flipdiagram.campaign.checks import check_estimate
 from flipdiagram.campaign.specification import Specification
-from flipdiagram.flips.dask import workers_of
 from flipdiagram.flips.driver import Flying, fly_all
 from flipdiagram.flips.flight import Flight, Work, fly_flight, plan_drawn_flight, provenance
 from flipdiagram.flips.flip import scenario_digest
-from flipdiagram.flips.run import Clock
+from flipdiagram.flips.run import Clock, Progress
 from flipdiagram.flips.store import refusal, to_json
 from flipdiagram.flips.store_file import open_to_write
+from flipdiagram.flips.workers import workers_of
 
 FILE = "campaign.sqlite"
 COMPARED = 500
 """Rows of an earlier run whose scenario is drawn again to see that it comes out the same."""
 WORK = Work(plan_drawn_flight, fly_flight)
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)

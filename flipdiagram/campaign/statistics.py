@@ -20,10 +20,19 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
     return float(interval.low), float(interval.high)
 
 
-def paired_counts(first: Sequence[bool], second: Sequence[bool]) -> tuple[int, int, int, int]:
-    """Of the same trials: how many both won, only the first, only the second, neither."""
+def success_rate(successes: int, trials: int) -> dict[str, float | None]:
+    """A rate with its interval, as summaries tell it; no rate without trials."""
+    low, high = wilson(successes, trials)
+    return {"rate": successes / trials if trials else None, "low": low, "high": high}
+
+
+def paired(first: Sequence[bool], second: Sequence[bool]) -> dict[str, float]:
+    """Two controllers in the same trials, as summaries tell it: their difference, its interval, McNemar's p."""
     pairs = Counter((bool(a), bool(b)) for a, b in zip(first, second, strict=True))
-    return pairs[True, True], pairs[True, False], pairs[False, True], pairs[False, False]
+    counts = pairs[True, True], pairs[True, False], pairs[False, True], pairs[False, False]
+    difference, low, high = paired_difference(*counts)
+    entry = {"trials": sum(counts), "first_only": counts[1], "second_only": counts[2]}
+    return entry | {"difference": difference, "low": low, "high": high, "p": mcnemar(*counts[1:3])}
 
 
 def paired_difference(both: int, first: int, second: int, neither: int) -> tuple[float, float, float]:

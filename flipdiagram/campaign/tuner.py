@@ -6,18 +6,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from flipdiagram.campaign.run import WORK, Progress
+from flipdiagram.campaign.run import WORK
 from flipdiagram.campaign.specification import Specification, value_of
-from flipdiagram.campaign.statistics import mcnemar, paired_counts, paired_difference, wilson
+from flipdiagram.campaign.statistics import paired, success_rate
 from flipdiagram.campaign.tuning import Goal, TuneSection
 from flipdiagram.errors import InputError
-from flipdiagram.flips.dask import workers_of
 from flipdiagram.flips.driver import Flying, fly_all
 from flipdiagram.flips.flight import Flight, Work
 from flipdiagram.flips.flip import Flip
 from flipdiagram.flips.outcome import MODES, SUCCESS, Outcome
-from flipdiagram.flips.run import Clock
+from flipdiagram.flips.run import Clock, Progress
 from flipdiagram.flips.store_file import open_to_write
+from flipdiagram.flips.workers import workers_of
 
 BATCH = 4
 """Sets of gains tried at a time: the search is the same on any number of workers."""
@@ -52,16 +52,10 @@ class Candidate:
 
     def as_dict(self) -> dict[str, Any]:
         """Rate, interval, quantile, and how many flips ended how."""
-        won = sum(self.won)
-        low, high = wilson(won, len(self.won))
         ended = Counter(outcome.mode for outcome in self.outcomes)
-        return {
-            "rate": won / len(self.won),
-            "low": low,
-            "high": high,
-            "quantile": self.goal.quantile_of(self.won, self.errors),
-            "modes": {mode: ended[mode] for mode in MODES if ended[mode]},
-        }
+        modes = {mode: ended[mode] for mode in MODES if ended[mode]}
+        rate = success_rate(sum(self.won), len(self.won))
+        return {**rate, "quantile": self.goal.quantile_of(self.won, self.errors), "modes": modes}
 
 
 def tune(
@@ -164,8 +158,7 @@ def _summary(
     specification: Specification, tuning: TuneSection, tried: list[Candidate], best: Candidate, judged: list[Candidate]
 ) -> dict[str, Any]:
     default, tuned = judged
-    counts = paired_counts(tuned.won, default.won)
-    difference, low, high = paired_difference(*counts)
+    compared = paired(tuned.won, default.won)
     return {
         "architecture": tuning.architecture,
         "objective": tuning.goal.text,
@@ -179,7 +172,7 @@ def _summary(
             "trials": len(default.won),
             "default": default.as_dict(),
             "tuned": tuned.as_dict(),
-            "difference": {"difference": difference, "low": low, "high": high, "p": mcnemar(*counts[1:3])},
+            "difference": {name: compared[name] for name in ("difference", "low", "high", "p")},
         },
         "history": [c.as_dict() | {"gains": dict(c.gains), "score": c.score} for c in tried],
     }

@@ -173,7 +173,7 @@ class _Driver:
         future.add_done_callback(self._ended.put)
 
     def _fail(self, flight: Flight, failure: str) -> None:
-        self._landed.append((flight, Landed(Outcome(None, failure), None, 0.0, *provenance())))
+        self._landed.append((flight, Landed(Outcome(None, failure), 0.0, *provenance())))
 
     def _keep(self) -> None:
         if not self._landed:
@@ -194,7 +194,7 @@ class _Driver:
 def row_of(flight: Flight, landed: Landed) -> Row:
     """A flip that has ended as a row of the store."""
     outcome = landed.outcome
-    measured = outcome.metrics and outcome.metrics.as_dict() | {"torque_use": landed.torque_use}
+    measured = outcome.metrics and outcome.metrics.as_dict() | {"torque_use": outcome.torque_use}
     return Row(
         trial=flight.trial,
         architecture=flight.architecture,

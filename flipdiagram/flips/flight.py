@@ -19,10 +19,8 @@ from flipdiagram.flips.outcome import Outcome
 from flipdiagram.planning import Plan, plan_motion
 from flipdiagram.planning.planner import Planner
 from flipdiagram.robot.parts import arm_of
-from flipdiagram.scenario.cell import Arm
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation import metrics
-from flipdiagram.simulation.metrics import FlipMetrics
 from flipdiagram.simulation.recording_files import save_recording
 from flipdiagram.simulation.simulate import simulate
 
@@ -59,8 +57,6 @@ class Landed:
     """What became of a flight."""
 
     outcome: Outcome
-    torque_use: float | None
-    """Largest torque of any joint over its limit; 1: saturated."""
     seconds: float
     code: str
     versions: dict[str, str]
@@ -103,8 +99,7 @@ def fly_flight(flight: Flight, plan: str) -> Landed:
         scenario = scenario.with_overrides({"controller.nominal_inertia": _inertia(flight.believed)})
     begin = time.perf_counter()
     outcome = fly(scenario, flight.architecture, _plan(plan), flight.recording)
-    seconds = time.perf_counter() - begin
-    return Landed(outcome, _torque_use(scenario, outcome.metrics), seconds, *provenance())
+    return Landed(outcome, time.perf_counter() - begin, *provenance())
 
 
 def fly(scenario: Scenario, architecture: str, plan: Plan, recording: Path | None = None) -> Outcome:
@@ -118,7 +113,8 @@ def fly(scenario: Scenario, architecture: str, plan: Plan, recording: Path | Non
     measured = metrics.measure(run.recording)
     if recording is not None:
         save_recording(run.recording, measured, recording, Flip(scenario, architecture).key)
-    return Outcome(measured, measured.failure, plan.summary())
+    torque_use = float(np.max(np.array(measured.max_torque_Nm) / run.recording["tau"].attrs["limit"]))
+    return Outcome(measured, measured.failure, plan.summary(), torque_use)
 
 
 def provenance() -> tuple[str, dict[str, str], str]:
@@ -142,17 +138,3 @@ def _inertia(believed: Scenario) -> tuple[float, ...]:
     arm = arm_of(believed)
     unscaled = believed.with_overrides({"controller.nominal_inertia_scale": 1.0})
     return tuple(float(value) for value in nominal_inertia(unscaled, arm, Planner(believed, arm).q_start))
-
-
-def _torque_use(scenario: Scenario, measured: FlipMetrics | None) -> float | None:
-    if measured is None:
-        return None
-    # torque limits do not depend on inertias, which vary from trial to trial
-    names = ("link_inertia_scale", "reflected_inertia_scale", "link_inertia_scales", "reflected_inertia_scales")
-    arm = scenario.arm.model_copy(update={name: Arm.model_fields[name].default for name in names})
-    return float(np.max(np.array(measured.max_torque_Nm) / _limits(arm)))
-
-
-@lru_cache(maxsize=16)
-def _limits(arm: Arm) -> np.ndarray:
-    return np.array(arm_of(Scenario(arm=arm)).tau_max)

@@ -67,6 +67,8 @@ class Outcome:
     failure: str | None
     plan: Mapping[str, Any] | None = None
     """The plan's summary."""
+    torque_use: float | None = None
+    """Largest torque of any joint over its limit; 1: saturated."""
 
     @property
     def success(self) -> bool:
@@ -86,6 +88,6 @@ class Outcome:
         if metrics is None:
             return cls(None, failure, plan)
         values: dict[str, Any] = {name: math.nan if value is None else value for name, value in metrics.items()}
-        del values["torque_use"]  # kept beside them
+        torque_use = values.pop("torque_use")  # kept beside them
         values |= {"touchdown": metrics["touchdown"] and Touchdown(**metrics["touchdown"]), "failure": failure}
-        return cls(FlipMetrics(**values), failure, plan)
+        return cls(FlipMetrics(**values), failure, plan, torque_use)

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from flipdiagram.campaign.report import report_section
+from flipdiagram.campaign.study import report_section
 from flipdiagram.files import write_atomically, write_summary
 from flipdiagram.report.claims import all_claims
 from flipdiagram.report.html import self_contained

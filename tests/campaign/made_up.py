@@ -66,8 +66,8 @@ def fly(flight, plan):
     else:
         won = flight.truth.object.friction > (0.9 if "dob" in flight.architecture else 1.4)
         measured = metrics_of(flight, won)
-        outcome = Outcome(measured, measured.failure, {"solve_time_s": time.time(), "plan": plan})
-    return Landed(outcome, 0.5, 0.0, *provenance())
+        outcome = Outcome(measured, measured.failure, {"solve_time_s": time.time(), "plan": plan}, 0.5)
+    return Landed(outcome, 0.0, *provenance())
 
 
 def fly_slowly(flight, plan):
@@ -80,7 +80,7 @@ def fly_like_gains(flight, plan):
     k_p = flight.truth.controller.k_p
     won = flight.truth.object.friction > 0.6 + abs(k_p - 900) / 500
     measured = metrics_of(flight, won)
-    return Landed(Outcome(measured, measured.failure), 0.5, 0.0, *provenance())
+    return Landed(Outcome(measured, measured.failure, None, 0.5), 0.0, *provenance())
 
 
 def plan(believed):

@@ -17,8 +17,8 @@ from flipdiagram.campaign import tables as campaign_tables
 from flipdiagram.campaign.analysis import analyse
 from flipdiagram.campaign.checks import from_text
 from flipdiagram.campaign.dataset import METRICS, export, load_dataset, parameters_of, to_dataset
-from flipdiagram.campaign.report import report_section, write_analysis
 from flipdiagram.campaign.run import run
+from flipdiagram.campaign.study import report_section, write_analysis
 from flipdiagram.campaign.watch import status_grid, watch
 from flipdiagram.errors import InputError
 from flipdiagram.flips.outcome import LIMITED, MODES, mode_of

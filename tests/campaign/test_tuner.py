@@ -8,8 +8,8 @@ from campaign import made_up
 from campaign.made_up import QUIET
 
 from flipdiagram.campaign.checks import from_text
-from flipdiagram.campaign.report import report_section, write_tuning
 from flipdiagram.campaign.specification_file import parse
+from flipdiagram.campaign.study import report_section, write_tuning
 from flipdiagram.campaign.tuner import held_out_trials, tune
 from flipdiagram.campaign.tuning import Goal, tuning
 from flipdiagram.flips.flight import Work

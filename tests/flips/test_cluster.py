@@ -104,7 +104,7 @@ def test_a_scheduler_that_goes_away_is_one_line_and_the_rest_is_flown_elsewhere(
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "tcp://"])
 def test_no_scheduler_is_one_line(address, tmp_path, monkeypatch):
-    monkeypatch.setattr("flipdiagram.flips.dask.CONNECT_TIMEOUT", 1.0)
+    monkeypatch.setattr("flipdiagram.flips.workers.CONNECT_TIMEOUT", 1.0)
     with pytest.raises(InputError, match="--scheduler") as caught:
         run(from_text(QUIET), tmp_path, scheduler=address, work=WORK)
     assert "\n" not in str(caught.value)

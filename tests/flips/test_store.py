@@ -198,9 +198,9 @@ def test_a_row_with_numbers_that_are_none_comes_back_as_it_was():
     plain = {"architecture": "pd", "success": False, "failure": "dropped", "max_torque_Nm": [1.0, 2.0]}
     for touchdown in (None, Touchdown(0.5, 0.01, 0.205, 3.0)):
         some = {"touchdown": touchdown, "landing_cost_J": float("nan"), "start_y_m": -0.0, "release_time_s": 5e-324}
-        before = Outcome(FlipMetrics(**numbers | plain | some), "dropped", {"cost_J": 1.25})
+        before = Outcome(FlipMetrics(**numbers | plain | some), "dropped", {"cost_J": 1.25}, 0.5)
         flight = Flight("key", Scenario(), Scenario(), "pd")
-        written = row_of(flight, Landed(before, 0.5, 1.0, "c", {}, "h"))
+        written = row_of(flight, Landed(before, 1.0, "c", {}, "h"))
         after = json.loads(json.dumps(written.metrics)), written.failure, written.plan
         assert repr(Outcome.from_row(*after)) == repr(before)  # nan differs from itself, its text does not
     lost = Outcome(None, "no plan: too far")
