@@ -3,20 +3,18 @@
 What a command needs is imported when it runs, so that help and errors come at once.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
-from contextlib import nullcontext
-from typing import TYPE_CHECKING
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from typing import Any
 
-from flipdiagram.cli.terminal import show, status
 from flipdiagram.files import check_output_directory, sole_use, versions
+from flipdiagram.grid import Grid, console
+from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.studies.registry import STUDIES
-
-if TYPE_CHECKING:
-    from flipdiagram.scenario.scenario import Scenario
-    from flipdiagram.studies.study import Study
+from flipdiagram.studies.study import Study
 
 
 def print_version() -> None:
@@ -44,9 +42,7 @@ def diagram(arguments: argparse.Namespace, scenario: Scenario) -> None:
     """The block diagram as a picture or text."""
     from flipdiagram.cli.diagram import drawing_of, write
 
-    drawing = drawing_of(
-        scenario, arguments.architecture, one_dof=arguments.one_dof, depth=arguments.depth, rates=arguments.rates
-    )
+    drawing = drawing_of(scenario, arguments)
     if arguments.table:
         print(drawing.rates().to_markdown(), end="")
     if arguments.out is not None or not arguments.table:
@@ -70,3 +66,25 @@ def completion(arguments: argparse.Namespace, scenario: Scenario) -> None:
 def scenario(arguments: argparse.Namespace, scenario: Scenario) -> None:
     """Every field with its unit."""
     print(scenario.to_yaml(comments=True), end="")
+
+
+def show(*parts: Grid | str | None) -> None:
+    """Print tables that have rows, and lines of text."""
+    for part in parts:
+        if isinstance(part, str):
+            print(part)
+        elif part is not None and part.rows:
+            console().print(part.rich())
+
+
+@contextmanager
+def status(quiet: bool) -> Iterator[Callable[[str], Any]]:
+    """A context that gives progress(text): one moving line on a terminal, else a line each on stderr."""
+    stderr = None if quiet else console(stderr=True)
+    if stderr is None:
+        yield lambda text: None
+    elif not stderr.is_terminal:
+        yield lambda text: print(text, file=sys.stderr, flush=True)
+    else:
+        with stderr.status("") as line:
+            yield line.update

@@ -1,5 +1,6 @@
 """The drawings of `flipdiagram diagram`: which diagram is drawn, and where the drawing goes."""
 
+import argparse
 import sys
 from pathlib import Path
 
@@ -13,16 +14,13 @@ from flipdiagram.scenario.scenario import Scenario
 SUFFIXES = {".dot": "dot", ".gv": "dot", ".svg": "svg", ".png": "png", ".mmd": "mermaid", ".md": "mermaid"}
 
 
-def drawing_of(
-    scenario: Scenario, architecture: str, *, one_dof: bool = False, depth: int = 0, rates: bool = False
-) -> Drawing:
+def drawing_of(scenario: Scenario, options: argparse.Namespace) -> Drawing:
     """The drawing of an architecture's loop, or of the 1-DOF loop of section III; raises InputError."""
-    if not one_dof:
-        return draw(build_loop(scenario, architecture), depth=depth, rates=rates)
-    settings = scenario.one_dof
-    loop = build_experiment(build_controller(architecture, settings), settings)
+    if not options.one_dof:
+        return draw(build_loop(scenario, options.architecture), depth=options.depth, rates=options.rates)
+    loop = build_experiment(build_controller(options.architecture, scenario.one_dof), scenario.one_dof)
     # the controller is a diagram of its own there: open, it is the figure
-    return draw(loop, depth=depth + 1, rates=rates)
+    return draw(loop, depth=options.depth + 1, rates=options.rates)
 
 
 def write(drawing: Drawing, format: str | None, out: Path | None) -> None:

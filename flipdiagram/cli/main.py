@@ -3,20 +3,17 @@
 Exit codes: 0 done, 2 bad input, 3 the physics or the planner said no, each error one line on stderr.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
+from flipdiagram.cli import commands
 from flipdiagram.cli.options import COMMANDS, parser, split_overrides
 from flipdiagram.errors import FlipdiagramError, InputError
+from flipdiagram.scenario.scenario import Scenario, load
+from flipdiagram.scenario.yaml_reader import parse_value
 from flipdiagram.studies.registry import COMMANDS as STUDY_COMMANDS
-
-if TYPE_CHECKING:
-    from flipdiagram.scenario.scenario import Scenario
 
 INTERRUPTED = 130
 
@@ -54,27 +51,19 @@ def _run(argv: list[str]) -> int:
         return int(done.code or 0)
     if arguments.command is None and not arguments.version:
         options.error("no command; choose from " + ", ".join(COMMANDS))
-    from flipdiagram.cli import commands
-
     if arguments.version:
         commands.print_version()
         return 0
     if "scenario" not in arguments and overrides:
         options.error(f"'{arguments.command}' takes no fields of a scenario")
-    scenario = _load_scenario(getattr(arguments, "scenario", None), overrides)
+    file = getattr(arguments, "scenario", None)
+    scenario = Scenario() if file is None else load(file)
+    scenario = scenario.with_overrides({path: parse_value(text, path) for path, text in overrides.items()})
     if (study := STUDY_COMMANDS.get(arguments.command)) is not None:
         commands.run_study(study, arguments, scenario)
     else:
         getattr(commands, arguments.command)(arguments, scenario)
     return 0
-
-
-def _load_scenario(file: str | None, overrides: dict[str, str]) -> Scenario:
-    from flipdiagram.scenario.scenario import Scenario, load
-    from flipdiagram.scenario.yaml_reader import parse_value
-
-    scenario = Scenario() if file is None else load(file)
-    return scenario.with_overrides({path: parse_value(text, path) for path, text in overrides.items()})
 
 
 def _drop_stdout() -> None:
