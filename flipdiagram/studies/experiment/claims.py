@@ -57,8 +57,8 @@ class Runs:
         return [run for run in self.all if run["architecture"] == architecture]
 
     def values(self, architecture: str, metric: str) -> np.ndarray:
-        """A metric of every start that was measured; of torques that of joint 2."""
-        values = np.array([run[metric] for run in self.of(architecture) if metric in run])
+        """A metric of every start that was measured, nan for null; of torques that of joint 2."""
+        values = np.array([run[metric] for run in self.of(architecture) if metric in run], dtype=float)
         return values[:, JOINT_2] if values.ndim == 2 else values
 
     def means(self, metric: str, architectures: Sequence[str]) -> dict[str, float]:

@@ -14,8 +14,9 @@ from flipdiagram.figures.motion import dropped_at
 from flipdiagram.figures.style import GUIDE, LABELS, NAMES, RC, STYLES, WITH_OBSERVER, save, tidy
 from flipdiagram.scenario.scenario import ARCHITECTURES
 from flipdiagram.simulation.recording_files import load_recording
+from flipdiagram.studies.experiment.claims import Runs
 from flipdiagram.studies.experiment.run import recording_name
-from flipdiagram.studies.experiment.tables import QUANTITIES, quantity
+from flipdiagram.studies.experiment.tables import QUANTITIES
 from flipdiagram.studies.study import Progress, Summary
 
 ByArchitecture = Mapping[str, Sequence[xr.Dataset]]
@@ -99,14 +100,14 @@ def plot_cone_use(recordings: ByArchitecture) -> Figure:
     return _finished(figure, panels, names)
 
 
-def plot_by_start(runs: Sequence[Mapping[str, Any]]) -> Figure:
+def plot_by_start(runs: Sequence[dict[str, Any]]) -> Figure:
     """Position RMSE, acceleration RMSE, joint-2 torque and velocity delay over the start; open marks: block lost."""
     figure, panels = _panels(2, 2, (7.6, 5.2), share=False)
-    names = _known({run["architecture"]: run for run in runs})
-    for ax, label in zip(panels, QUANTITIES, strict=False):
-        for name in names:
-            mine = [run for run in runs if run["architecture"] == name and "position_rmse_m" in run]
-            starts, values = [100 * run["start_y_m"] for run in mine], [quantity(run, label) for run in mine]
+    known = Runs(runs)
+    for ax, (label, (metric, factor)) in zip(panels, QUANTITIES.items(), strict=False):
+        for name in _known({run["architecture"]: run for run in runs}):
+            mine = [run for run in known.of(name) if metric in run]
+            starts, values = [100 * run["start_y_m"] for run in mine], factor * known.values(name, metric)
             colour = STYLES[name].color
             faces = [colour if run["success"] else "white" for run in mine]
             ax.plot(starts, values, color=colour, linewidth=1.0, zorder=2)

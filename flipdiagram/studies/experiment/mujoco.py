@@ -1,7 +1,6 @@
 """A second engine's verdict on the flips of the experiment: the recorded tool motion with the block in MuJoCo."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,7 @@ from typing import Any
 from flipdiagram.errors import FlipdiagramError
 from flipdiagram.flips.workers import Workers
 from flipdiagram.simulation import metrics
-from flipdiagram.simulation.mujoco import Settings, compare
+from flipdiagram.simulation.mujoco import COMPARED, Settings, compare
 from flipdiagram.simulation.recording_files import load_recording
 
 VARIANTS: dict[str, Settings] = {
@@ -55,9 +54,7 @@ def _verdict(path: Path, settings: Settings) -> dict[str, Any]:
         verdict = compare(recording, settings)
     except FlipdiagramError as error:
         # Drake's verdict stands, and does not agree with one that there is not
+        measured = metrics.measure(recording).as_dict()
         lost = {"success": False, "failure": str(error), "max_slip_m": None, "touchdown": None}
-        success, failure = metrics.judge(recording)
-        landed, slip = metrics.touchdown(recording), metrics.slip_and_lift(recording)[0]
-        drake = {"success": success, "failure": failure, "max_slip_m": slip, "touchdown": landed and asdict(landed)}
-        return {"agree": False, "drake": drake, "mujoco": lost}
+        return {"agree": False, "drake": {name: measured[name] for name in COMPARED}, "mujoco": lost}
     return {key: verdict[key] for key in ("agree", "drake", "mujoco")}

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from flipdiagram.grid import GOOD, Grid, verdict
+from flipdiagram.studies.experiment.claims import Runs
 from flipdiagram.studies.study import Summary
 
 PAPER = {
@@ -36,12 +37,10 @@ def tables(summary: Summary) -> list[Grid | str | None]:
 
 def runs_grid(summary: Summary) -> Grid:
     """A row a quantity, a column an architecture: mean ± standard deviation over the starts, the last, the paper's."""
-    names = summary["architectures"]
-    runs = {name: [run for run in summary["runs"] if run["architecture"] == name] for name in names}
-    rows = [["turned over", *(f"{sum(r['success'] for r in runs[name])} of {len(runs[name])}" for name in names)]]
-    for label in QUANTITIES:
-        measured = {name: [quantity(run, label) for run in runs[name] if "position_rmse_m" in run] for name in names}
-        rows.append([label, *(_spread(measured[name]) for name in names)])
+    names, runs = summary["architectures"], Runs(summary["runs"])
+    rows = [["turned over", *("{} of {}".format(*runs.successes(name)) for name in names)]]
+    for label, (metric, factor) in QUANTITIES.items():
+        rows.append([label, *(_spread(factor * runs.values(name, metric)) for name in names)])
     for row in rows:
         stated = PAPER.get(row[0], {})
         row.append(", ".join(f"{name}: {stated[name]}" for name in names if name in stated))
@@ -49,16 +48,9 @@ def runs_grid(summary: Summary) -> Grid:
     return Grid(["", *(f"`{name}`" for name in names), "the paper"], rows, title=f"starts at y = {starts} cm")
 
 
-def quantity(run: Mapping[str, Any], label: str) -> float:
-    """One of `QUANTITIES` of a measured run; nan for null, such as the slip of a block lost before the motion."""
-    metric, factor = QUANTITIES[label]
-    value = run[metric][1] if metric == "max_torque_Nm" else run[metric]
-    return float("nan") if value is None else factor * value
-
-
-def _spread(values: list[float]) -> str:
-    values = [value for value in values if np.isfinite(value)]
-    if not values:
+def _spread(values: np.ndarray) -> str:
+    values = values[np.isfinite(values)]  # a block lost before the motion has no slip
+    if not len(values):
         return "–"
     deviation = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
     return f"{np.mean(values):.3g} ± {deviation:.2g}, last {values[-1]:.3g}"
