@@ -3,7 +3,7 @@
 import json
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 import pandas as pd  # type: ignore[import-untyped]  # pandas-stubs may be missing
@@ -15,20 +15,19 @@ from flipdiagram.files import atomic_path
 from flipdiagram.flips.outcome import NOT_PHYSICS, SUCCESS
 from flipdiagram.flips.store import Row
 from flipdiagram.flips.store_file import open_to_read
+from flipdiagram.simulation.metrics import FlipMetrics
 
-METRICS = {
-    "position_rmse_m": "m",
-    "angle_rmse_rad": "rad",
-    "acceleration_rmse_m_s2": "m/s^2",
-    "max_slip_m": "m",
-    "max_lift_off_m": "m",
-    "velocity_delay_s": "s",
-    "endpoint_vibration_m_s": "m/s",
-    "release_time_s": "s",
-    "release_angle_rad": "rad",
-    "saturated_s": "s",
-    "torque_use": "1",
-}
+UNITS = ("m/s2", "rad/s2", "m/s", "rad/s", "N m", "rad", "m", "s", "J", "N", "kg")
+"""Units that end the name of a number, such as `_rad_s2`; longest first."""
+
+
+def unit_of(name: str) -> str:
+    """Unit of an entry of summary.json by the end of its name ('position_rmse_m'); '1' where it says none."""
+    return next((unit for unit in UNITS if name.endswith("_" + unit.replace(" ", "").replace("/", "_"))), "1")
+
+
+METRICS = {name: unit_of(name) for name, kind in get_type_hints(FlipMetrics).items() if kind is float}
+METRICS |= {"torque_use": "1"}
 """Metrics of a flip that become variables, with their units; torque_use: largest torque of any joint over its limit."""
 CIRCUMSTANCES = {"seconds": "s", "attempts": "1"}
 TORQUE = "max_torque_{}_Nm"
@@ -55,9 +54,8 @@ def to_dataset(specification: dict[str, Any], rows: list[Row]) -> xr.Dataset:
     entries = []
     for row in rows:
         metrics = row.metrics or {}
-        numbers = dict(metrics) | dict(zip(torques, metrics.get("max_torque_Nm", ()), strict=False))
-        numbers |= {name: getattr(row, name) for name in ("trial", "architecture", "outcome", "seed", *CIRCUMSTANCES)}
-        entries.append(numbers | dict(zip(names, row.values, strict=True)))
+        of_joints = zip(torques, metrics.get("max_torque_Nm", ()), strict=False)
+        entries.append({**metrics, **vars(row), **dict(of_joints), **dict(zip(names, row.values, strict=True))})
     table = pd.DataFrame(entries, columns=[*KEYS, "outcome", "seed", *METRICS, *CIRCUMSTANCES, *torques, *names])
     attributes = {
         "parameters": json.dumps(names),

@@ -67,9 +67,9 @@ class FlipAccessor:
         data = check_recording(self._data)
         parts = components(data)
         index = pd.Index(data["time"].values, name="time")
-        frame = pd.DataFrame({part.name: part.values(data) for part in parts}, index=index)
+        frame = pd.DataFrame({part.name: part.values for part in parts}, index=index)
         frame.attrs = {str(name): np.asarray(value).tolist() for name, value in data.attrs.items()}
-        frame.attrs["units"] = {"time": "s"} | {part.name: part.unit for part in parts}
+        frame.attrs["units"] = {"time": "s"} | {part.name: part.attrs["units"] for part in parts}
         return frame
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:

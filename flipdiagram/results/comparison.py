@@ -18,7 +18,7 @@ from flipdiagram.planning.plan import Plan
 from flipdiagram.results import plots
 from flipdiagram.results.differences import Change, changes, comparable, leaves
 from flipdiagram.results.opening import Source, read
-from flipdiagram.results.signals import Component, check_recording, components, field_unit, flat, scenario_fields
+from flipdiagram.results.signals import check_recording, components, field_unit, flat, scenario_fields
 from flipdiagram.simulation.metrics import measure
 
 SECOND = {"color": "#CC79A7", "linestyle": "--", "zorder": 2.7}
@@ -116,8 +116,9 @@ class Comparison:
         if self.recordings is None:
             message = f"two results of kind '{self.kind}' have no signals; valid are recordings"
             raise InputError(message, field="signal", value=signal, valid="recordings")
-        parts, others = (components(data, signal) for data in self.recordings)
-        names = [", ".join(part.name for part in of_one) for of_one in (parts, others)]
+        views = [plots.view(data, None) for data in self.recordings]
+        parts, others = (components(data, signal) for data in views)
+        names = [", ".join(str(part.name) for part in of_one) for of_one in (parts, others)]
         if names[0] != names[1]:
             message = f"'{signal}' is {names[0]} and {names[1]}; valid is equal"
             raise InputError(message, field="signal", value=signal, valid="equal")
@@ -128,18 +129,18 @@ class Comparison:
             labels = self.names
             lines[1] |= SECOND
         labels = _told_apart(labels)
-        one, other = (plots.view(data, None) for data in self.recordings)
-        here, there = _common_samples(one, other)
+        counterparts = {part.name: part for part in others}
 
-        def draw(panel: Axes, part: Component) -> None:
+        def draw(panel: Axes, part: xr.DataArray) -> None:
+            other = counterparts[part.name]
             if difference:
-                values = part.values(other)[there] - part.values(one)[here]
+                one, other = _at_common_times(part, other)
                 style = STYLES["command"].line()
-                panel.plot(one["time"].values[here], values, label=f"{labels[1]} − {labels[0]}", **style)
+                panel.plot(one["time"], other - one, label=f"{labels[1]} − {labels[0]}", **style)
                 panel.set_ylabel("Δ " + panel.get_ylabel())
                 return
-            for data, label, line in zip((one, other), labels, lines, strict=True):
-                panel.plot(data["time"], part.values(data), **line | {"label": label})
+            for values, label, line in zip((part, other), labels, lines, strict=True):
+                panel.plot(values["time"], values, **line | {"label": label})
 
         return plots.draw_components(parts, ax, draw)
 
@@ -197,20 +198,19 @@ def _source(value: Comparable, name: str) -> tuple[Source, str]:
 
 def _recordings(one: xr.Dataset, other: xr.Dataset, names: tuple[str, str]) -> Comparison:
     parts, others = ({part.name: part for part in components(check_recording(data))} for data in (one, other))
-    here, there = _common_samples(one, other)
     alone = [k for k in parts if k not in others], [k for k in others if k not in parts]
     notes = [f"Only in {names[k]}: " + ", ".join(f"`{part}`" for part in alone[k]) for k in (0, 1) if alone[k]]
     architectures = one.attrs["architecture"], other.attrs["architecture"]
     if architectures[0] != architectures[1]:
         notes.append(f"Architectures: `{architectures[0]}` and `{architectures[1]}`")
-    signals = []
-    for name, part in parts.items() if len(here) else ():
-        if name in others and part.unit != others[name].unit:
-            notes.append(f"`{name}` is in {part.unit} and in {others[name].unit}: not compared")
-        elif name in others:
-            x, y = part.values(one)[here], others[name].values(other)[there]
-            signals.append(_signal_difference(part, x, y, one["time"].values[here]))
-    if not len(here):
+    signals, nothing = [], not _at_common_times(one["time"], other["time"])[0].size
+    for name in () if nothing else [name for name in parts if name in others]:
+        units = [of_one[name].attrs["units"] for of_one in (parts, others)]
+        if units[0] != units[1]:
+            notes.append(f"`{name}` is in {units[0]} and in {units[1]}: not compared")
+        else:
+            signals.append(_signal_difference(*_at_common_times(parts[name], others[name])))
+    if nothing:
         notes.append("No time in common: signals not compared")
     known = [fields for fields in map(scenario_fields, (one, other)) if fields is not None]
     if len(known) == 1:
@@ -227,23 +227,21 @@ def _recordings(one: xr.Dataset, other: xr.Dataset, names: tuple[str, str]) -> C
     )
 
 
-def _common_samples(one: xr.Dataset, other: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of the samples at the same time to a nanosecond, in both."""
-    a, b = (np.round(1e9 * data["time"].values).astype(np.int64) for data in (one, other))
-    _, here, there = np.intersect1d(a, b, return_indices=True)
-    return here, there
+def _at_common_times(one: xr.DataArray, other: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray]:
+    """Both at the times [s] that are the same to a nanosecond."""
+    a, b = (part.assign_coords(time=part["time"].values.round(9)) for part in (one, other))
+    return xr.align(a, b, join="inner")
 
 
-def _signal_difference(part: Component, x: np.ndarray, y: np.ndarray, time: np.ndarray) -> SignalDifference:
-    """How one component differs between samples x and y at the same times [s]."""
-    both = np.isfinite(x) & np.isfinite(y)
-    apart = np.abs(y[both] - x[both])
+def _signal_difference(one: xr.DataArray, other: xr.DataArray) -> SignalDifference:
+    """How one component differs between two recordings at the same times."""
+    apart = abs(other - one)
+    apart = apart[np.isfinite(apart.values)]
     largest, rms, at = 0.0, 0.0, float("nan")
     if apart.size:
-        k = int(np.argmax(apart))
-        largest, rms, at = float(apart[k]), float(np.sqrt(np.mean(apart**2))), float(time[both][k])
-    one_sided = int(np.sum(np.isnan(x) != np.isnan(y)))
-    return SignalDifference(part.name, part.signal, part.unit, largest, rms, at, one_sided)
+        largest, rms, at = float(apart.max()), float(np.sqrt((apart**2).mean())), float(apart.idxmax())
+    one_sided = int((one.isnull() != other.isnull()).sum())
+    return SignalDifference(str(one.name), one.attrs["signal"], one.attrs["units"], largest, rms, at, one_sided)
 
 
 def _measured(data: xr.Dataset) -> dict[str, Any]:

@@ -42,12 +42,10 @@ def _recording(data: xr.Dataset) -> Rows:
     check_recording(data)
     time, measured = data["time"].values, measure(data)
     landed = measured.touchdown
-    # a recording carries the study that judged it; those of older versions only its signals
-    if "study" in data.attrs or "slide_cmd" in data:
-        study = STUDIES[str(data.attrs.get("study", "place"))]
-        success, failure = bool(data.attrs["success"]), str(data.attrs["failure"])
-    else:
-        study, success, failure = STUDIES["turnover"], measured.success, str(measured.failure)
+    # a placement carries the study that judged it
+    study = STUDIES[str(data.attrs.get("study", "turnover"))]
+    success = bool(data.attrs.get("success", measured.success))
+    failure = data.attrs.get("failure", measured.failure)
     end, planned = float(data.attrs["end_time_s"]), float(data.attrs["release_time_s"])
     landing = f"{landed.time_s:.3f} s at y = {landed.y_m:.4f} m, θ = {landed.theta_rad:.2f} rad" if landed else "none"
     rows = [
@@ -87,7 +85,7 @@ def _variables(data: xr.Dataset) -> Rows:
             text = f"{variable.dtype}"
         elif "," in units and "time" in variable.dims:
             parts = components(data, str(name))
-            text = ", ".join(f"{' '.join(p.labels)} {_range(p.values(data), p.unit)}" for p in parts)
+            text = ", ".join(f"{' '.join(p.attrs['labels'])} {_range(p.values, p.attrs['units'])}" for p in parts)
         else:
             text = _range(variable.values, units)
         rows.append((f"signal {name}", f"{dims}; {text}"))
@@ -178,10 +176,8 @@ def _engines(engines: Mapping[str, Any]) -> Rows:
 
 
 def _curves(curves: Sequence[Mapping[str, Any]]) -> Rows:
-    names, omega = (
-        ", ".join(dict.fromkeys(str(curve["figure"]) for curve in curves)),
-        np.array(curves[0]["omega_rad_s"]),
-    )
+    names = ", ".join(dict.fromkeys(str(curve["figure"]) for curve in curves))
+    omega = np.array(curves[0]["omega_rad_s"])
     return [("curves", f"{len(curves)}, figures {names}; ω {_range(omega, 'rad/s')}, {len(omega)} frequencies")]
 
 

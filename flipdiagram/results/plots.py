@@ -1,7 +1,6 @@
 """One recording as Matplotlib axes; nothing here simulates, and there is no pyplot."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from matplotlib.axes import Axes
 from flipdiagram.errors import InputError
 from flipdiagram.figures.motion import dropped_at, finish_path
 from flipdiagram.figures.style import GUIDE, LABELS, MARK, NAMES, STYLES, Style, finish, new_axes
-from flipdiagram.results.signals import Component, components, pretty, scenario_fields
+from flipdiagram.results.signals import components, pretty, scenario_fields
 from flipdiagram.simulation import metrics
 
 OTHER = Style("#56B4E9", "-", 2.5, 1.6)
@@ -57,16 +56,16 @@ def events(data: xr.Dataset) -> dict[str, float]:
     return happened
 
 
-def label_of(part: Component) -> str:
+def label_of(part: xr.DataArray) -> str:
     """A component with its unit, as on the axis of a figure."""
-    base = part.signal.removesuffix("_cmd")
-    if base in LABELS and len(part.place) == 1 and part.place[0] < 3:
-        return LABELS[base][part.place[0]]
-    which = " ".join(part.labels)
+    base, place = part.attrs["signal"].removesuffix("_cmd"), part.attrs["place"]
+    if base in LABELS and len(place) == 1 and place[0] < 3:
+        return LABELS[base][place[0]]
+    which = " ".join(part.attrs["labels"])
     symbol = SYMBOLS.get(base, "")
     if not symbol or ("$" in symbol and len(which) > 2):  # the name of a joint, too long for a subscript
         symbol = base.replace("_", " ") + " {0}"
-    return f"{symbol.format(which).strip()} [{pretty(part.unit)}]"
+    return f"{symbol.format(which).strip()} [{pretty(part.attrs['units'])}]"
 
 
 def plot_signal(
@@ -75,20 +74,21 @@ def plot_signal(
     """See `FlipAccessor.plot`."""
     shown = view(data, window)
 
-    def draw(panel: Axes, part: Component) -> None:
-        command = part.signal.removesuffix("_cmd") + "_cmd"
+    def draw(panel: Axes, part: xr.DataArray) -> None:
+        signal = part.attrs["signal"]
+        command = signal.removesuffix("_cmd") + "_cmd"
         if command in data.data_vars:
-            values = replace(part, signal=command).values(shown)
-            panel.plot(shown["time"], values, label="command", **STYLES["command"].line())
-        if part.signal != command:
-            panel.plot(shown["time"], part.values(shown), **line_of(data))
+            (commanded,) = components(shown, str(part.name).replace(signal, command, 1))
+            panel.plot(shown["time"], commanded, label="command", **STYLES["command"].line())
+        if signal != command:
+            panel.plot(shown["time"], part, **line_of(data))
         _mark_events(panel, data)
 
-    return draw_components(components(data, signal), ax, draw)
+    return draw_components(components(shown, signal), ax, draw)
 
 
 def draw_components(
-    parts: Sequence[Component], ax: Axes | Sequence[Axes] | None, draw: Callable[[Axes, Component], None]
+    parts: Sequence[xr.DataArray], ax: Axes | Sequence[Axes] | None, draw: Callable[[Axes, xr.DataArray], None]
 ) -> Axes | Sequence[Axes]:
     """A panel a component, which `draw` fills; the Axes, a list where there are several or a list was given."""
     count = len(parts)

@@ -2,13 +2,11 @@
 
 import difflib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from flipdiagram.arrays import Floats
 from flipdiagram.errors import InputError
 from flipdiagram.scenario import text
 from flipdiagram.scenario.scenario import Scenario
@@ -17,25 +15,6 @@ from flipdiagram.scenario.yaml_reader import read_mapping
 NEEDED = ("x", "x_cmd", "v", "v_cmd", "a", "a_cmd", "q", "qd", "tau", "block_pose", "tool_pose", "contact_force")
 """What every recording holds; see `flipdiagram.simulation.recording`."""
 ATTRIBUTES = ("architecture", "release_time_s", "end_time_s")
-UNITS = ("m/s2", "rad/s2", "m/s", "rad/s", "N m", "rad", "m", "s", "J", "N", "kg")
-"""Units that end a name in summary.json, such as `_rad_s2`; longest first."""
-
-
-@dataclass(frozen=True)
-class Component:
-    """One scalar signal: flat name, the signal it belongs to, its labels and place beside time, its unit."""
-
-    name: str
-    signal: str
-    labels: tuple[str, ...]
-    place: tuple[int, ...]
-    unit: str
-
-    def values(self, data: xr.Dataset) -> Floats:
-        """The samples, shape (time,)."""
-        others = [dim for dim in data[self.signal].dims if dim != "time"]
-        samples = data[self.signal].isel(dict(zip(others, self.place, strict=True)))
-        return np.asarray(samples.values, dtype=np.float64)
 
 
 def check_recording(data: xr.Dataset) -> xr.Dataset:
@@ -51,31 +30,27 @@ def check_recording(data: xr.Dataset) -> xr.Dataset:
     return data
 
 
-def components(data: xr.Dataset, signal: str | None = None) -> list[Component]:
-    """The components of one signal, or of all that depend on time; InputError for an unknown signal.
+def components(data: xr.Dataset, signal: str | None = None) -> list[xr.DataArray]:
+    """The components of one signal, or of all that depend on time, over time alone; InputError for an unknown signal.
 
+    Each has its flat name, and in attrs its `units`, the `signal` it belongs to, its `labels` and its `place` there.
     `signal` may be a flat name ('tau_S'), which gives that component alone.
     """
     if signal is not None and signal in data.data_vars and "time" in data[signal].dims:
-        return _split(data, signal)
-    everything = [part for name in data.data_vars if "time" in data[name].dims for part in _split(data, str(name))]
+        return _split(data[signal])
+    everything = [part for variable in data.data_vars.values() if "time" in variable.dims for part in _split(variable)]
     if signal is None:
         return everything
     named = [part for part in everything if part.name == signal]
     if not named:
-        names = list(dict.fromkeys(part.signal for part in everything))
-        near = difflib.get_close_matches(signal, [*names, *(part.name for part in everything)], n=1)
+        names = list(dict.fromkeys(part.attrs["signal"] for part in everything))
+        near = difflib.get_close_matches(signal, [*names, *(str(part.name) for part in everything)], n=1)
         meant = f"did you mean '{near[0]}'? " if near else ""
-        parts = [part.name for part in everything if part.signal != part.name]
+        parts = [part.name for part in everything if part.attrs["signal"] != part.name]
         example = f", or one component such as '{parts[0]}'" if parts else ""
         message = f"unknown signal '{signal}'; {meant}valid are {', '.join(names)}{example}"
         raise InputError(message, field="signal", value=signal, valid=names)
     return named
-
-
-def unit_of(name: str) -> str:
-    """Unit of an entry of summary.json by the end of its name ('position_rmse_m'); '1' where it says none."""
-    return next((unit for unit in UNITS if name.endswith("_" + unit.replace(" ", "").replace("/", "_"))), "1")
 
 
 def pretty(unit: str) -> str:
@@ -105,19 +80,16 @@ def scenario_fields(data: xr.Dataset) -> dict[str, Any] | None:
     return flat(read_mapping(str(yaml), "scenario of the recording")[0]) if yaml else None
 
 
-def _split(data: xr.Dataset, signal: str) -> list[Component]:
-    variable = data[signal]
-    others = [str(dim) for dim in variable.dims if dim != "time"]
-    labels = [
-        [str(label) for label in data[dim].values] if dim in data.coords else [str(k) for k in range(data.sizes[dim])]
-        for dim in others
-    ]
+def _split(variable: xr.DataArray) -> list[xr.DataArray]:
+    others = [dim for dim in variable.dims if dim != "time"]
     units = str(variable.attrs.get("units", "1"))
     each = units.split(", ")
-    one_for_all = not others or len(each) != data.sizes[others[-1]]
-    components = []
-    for place in np.ndindex(*(data.sizes[dim] for dim in others)):
-        names = tuple(of_dim[index] for of_dim, index in zip(labels, place, strict=True))
-        unit = units if one_for_all else each[place[-1]]
-        components.append(Component("_".join([signal, *names]), signal, names, place, unit))
-    return components
+    one_for_all = not others or len(each) != variable.sizes[others[-1]]
+    parts = []
+    for place in np.ndindex(*(variable.sizes[dim] for dim in others)):
+        part = variable.isel(dict(zip(others, place, strict=True))).astype(np.float64)
+        labels = [str(part[dim].item()) if dim in part.coords else str(k) for dim, k in zip(others, place, strict=True)]
+        part.attrs = {"units": units if one_for_all else each[place[-1]], "signal": str(variable.name)}
+        part.attrs |= {"labels": labels, "place": place}
+        parts.append(part.drop_vars(others, errors="ignore").rename("_".join([str(variable.name), *labels])))
+    return parts

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from flipdiagram.campaign.dataset import unit_of
 from flipdiagram.planning.plan import Plan
-from flipdiagram.results.signals import unit_of
 from flipdiagram.simulation.recording_files import load_recording
 from flipdiagram.studies.study import Summary
 
@@ -26,7 +26,7 @@ def plan(summary: Summary, folder: Path) -> Plan:
 def turnover(summary: Summary, folder: Path) -> xr.Dataset:
     """The runs over (architecture, joint); the plan's numbers as attributes `plan_…`."""
     files = (folder / str(run.get("recording")) for run in summary["runs"])
-    data = _runs(summary, {"architecture": "architecture"}, files)
+    data = _runs(summary, ["architecture"], files)
     numbers = {f"plan_{name}": v for name, v in summary["plan"].items() if isinstance(v, int | float | str)}
     return data.assign_attrs(numbers)
 
@@ -41,7 +41,7 @@ def experiment(summary: Summary, folder: Path) -> xr.Dataset:
     from flipdiagram.studies.experiment.run import recording_name  # brings half of Drake, as no other study does
 
     files = (folder / recording_name(run["start_y_m"], run["architecture"]) for run in summary["runs"])
-    data = _runs(summary, {"architecture": "architecture", "start_y": "start_y_m"}, files)
+    data = _runs(summary, ["architecture", "start_y_m"], files).rename(start_y_m="start_y")
     data["start_y"].attrs["units"] = "m"
     judged = claims(summary["claims"]).rename({name: f"claim_{name}" for name in ("holds", "text", "measured")})
     return xr.merge([data, judged], join="outer", compat="no_conflicts").assign_attrs(data.attrs)
@@ -49,7 +49,7 @@ def experiment(summary: Summary, folder: Path) -> xr.Dataset:
 
 def replanning(summary: Summary, folder: Path) -> xr.Dataset:
     """The runs over (case, way, architecture, joint)."""
-    return _runs(summary, {name: name for name in ("case", "way", "architecture")})
+    return _runs(summary, ["case", "way", "architecture"])
 
 
 def campaign(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
@@ -58,34 +58,33 @@ def campaign(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
     The single flips are in campaign.sqlite.
     """
     entries = summary["architectures"]
-    parts = {
-        "rates": _table({(name,): _counted(entry) for name, entry in entries.items()}, {"architecture": list(entries)})
-    }
+    rates = [{"architecture": name, **_counted(entry)} for name, entry in entries.items()]
+    parts = {"rates": _table(rates, ["architecture"])}
     if pairs := summary["pairs"]:
-        names = [f"{pair['first']} - {pair['second']}" for pair in pairs]
-        parts["pairs"] = _table({(name,): pair for name, pair in zip(names, pairs, strict=True)}, {"pair": names})
-    cells: dict[tuple[Any, ...], dict[str, Any]] = {}
-    for name, entry in entries.items():
-        for metric, values in entry["quantiles"].items():
-            for level, value in (values or {}).items():
-                cells.setdefault((name, float(level)), {})[metric] = value
-    if cells:
-        levels = sorted({level for _, level in cells})
-        parts["quantiles"] = _table(cells, {"architecture": list(entries), "level": levels})
+        parts["pairs"] = _table([{"pair": f"{pair['first']} - {pair['second']}", **pair} for pair in pairs], ["pair"])
+    quantiles = [
+        {"architecture": name, "level": float(level), metric: value}
+        for name, entry in entries.items()
+        for metric, values in entry["quantiles"].items()
+        for level, value in (values or {}).items()
+    ]
+    if quantiles:
+        parts["quantiles"] = _table(quantiles, ["architecture", "level"]).reindex(architecture=list(entries))
     return {name: data.assign_attrs(_head(summary)) for name, data in parts.items()}
 
 
 def tuning(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
     """'rates' over (trials: search and held_out, gains: default and tuned); 'gains' over (field, gains)."""
-    sides = ["default", "tuned"]
-    cells = {(part, side): _counted(summary[part][side]) for part in ("search", "held_out") for side in sides}
-    values = [[entry[side] for side in sides] for entry in summary["gains"].values()]
-    gains = xr.Dataset(
-        {"value": (("field", "gains"), values)}, coords={"field": list(summary["gains"]), "gains": sides}
-    )
+    rates: list[dict[str, Any]] = []
+    gains: list[dict[str, Any]] = []
+    for side in ("default", "tuned"):
+        rates += [{"trials": part, "gains": side, **_counted(summary[part][side])} for part in ("search", "held_out")]
+        gains += [{"field": field, "gains": side, "value": entry[side]} for field, entry in summary["gains"].items()]
     difference = {f"held_out_{name}": value for name, value in summary["held_out"]["difference"].items()}
-    rates = _table(cells, {"trials": ["search", "held_out"], "gains": sides})
-    return {"rates": rates.assign_attrs(_head(summary) | difference), "gains": gains.assign_attrs(_head(summary))}
+    return {
+        "rates": _table(rates, ["trials", "gains"]).assign_attrs(_head(summary) | difference),
+        "gains": _table(gains, ["field", "gains"]).assign_attrs(_head(summary)),
+    }
 
 
 def _counted(entry: Mapping[str, Any]) -> dict[str, Any]:
@@ -97,11 +96,9 @@ def _counted(entry: Mapping[str, Any]) -> dict[str, Any]:
 def borders(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
     """Each map over (architecture, its y, its x), by name; the table of solvers and estimates as 'variations'."""
     parts = {a_map["name"]: _map(a_map).assign_attrs(_head(summary)) for a_map in summary["maps"]}
-    rows = summary["variations"]
-    if rows:
-        names = list(rows[0]["runs"])
-        cells = {(name, row["name"]): dict(row["runs"][name]) for name in names for row in rows}
-        data = _table(cells, {"architecture": names, "variation": [row["name"] for row in rows]})
+    if rows := summary["variations"]:
+        runs = [{"architecture": k, "variation": row["name"], **run} for row in rows for k, run in row["runs"].items()]
+        data = _table(runs, ["architecture", "variation"])
         groups = ("variation", [row["group"] for row in rows])
         parts["variations"] = data.assign_coords(group=groups).assign_attrs(_head(summary))
     return parts
@@ -113,20 +110,15 @@ def frequency(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
     for figure in dict.fromkeys(curve["figure"] for curve in summary["curves"]):
         curves = [curve for curve in summary["curves"] if curve["figure"] == figure]
         parts[figure] = _curves(curves).assign_attrs({**_head(summary), "figure": figure})
-    rows = summary["torque"]
-    if rows:
-        cutoffs = rows[0]["g_dis_rad_s"]
-        cells = {
-            (row["architecture"], row["omega_rad_s"], g): {"max_torque_N": torque, "theory_N": exact}
-            for row in rows
-            for g, torque, exact in zip(row["g_dis_rad_s"], row["max_torque_N"], row["theory"], strict=True)
-        }
-        coords: dict[str, list[Any]] = {
-            "architecture": list(dict.fromkeys(row["architecture"] for row in rows)),
-            "omega": list(dict.fromkeys(row["omega_rad_s"] for row in rows)),
-            "g_dis": list(cutoffs),
-        }
-        parts["9"] = _in_rad_s(_table(cells, coords)).assign_attrs({**_head(summary), "figure": "9"})
+    torques = [
+        {"architecture": row["architecture"], "omega": row["omega_rad_s"], "g_dis": g}
+        | {"max_torque_N": torque, "theory_N": exact}
+        for row in summary["torque"]
+        for g, torque, exact in zip(row["g_dis_rad_s"], row["max_torque_N"], row["theory"], strict=True)
+    ]
+    if torques:
+        data = _in_rad_s(_table(torques, ["architecture", "omega", "g_dis"]))
+        parts["9"] = data.assign_attrs({**_head(summary), "figure": "9"})
     parts["claims"] = claims(summary["claims"]).assign_attrs(_head(summary))
     return parts
 
@@ -153,32 +145,29 @@ def _head(summary: Summary) -> dict[str, Any]:
     return {"schema": summary["schema"], **versions, "scenario": json.dumps(summary["scenario"])}
 
 
-def _runs(summary: Summary, dims: Mapping[str, str], files: Iterable[Path] = ()) -> xr.Dataset:
-    """The runs over their coordinates, which stand in the entries that `dims` names; each touch-down spread out."""
-    cells = {}
+def _runs(summary: Summary, dims: Sequence[str], files: Iterable[Path] = ()) -> xr.Dataset:
+    """The runs over the entries that tell them apart; each touch-down spread out."""
+    runs = []
     for run in summary["runs"]:
-        kept = {name: value for name, value in run.items() if name not in (*OMITTED, *dims.values())}
+        kept = {name: value for name, value in run.items() if name in dims or name not in OMITTED}
         if "touchdown_time_s" not in run:
             landed = run.get("touchdown") or {}
             kept |= {f"touchdown_{name}": landed.get(name) for name in ("time_s", "y_m", "z_m", "theta_rad")}
-        cells[tuple(run[entry] for entry in dims.values())] = kept
-    coords = {name: list(dict.fromkeys(run[entry] for run in summary["runs"])) for name, entry in dims.items()}
-    return _table(cells, coords, files).assign_attrs(_head(summary))
+        runs.append(kept)
+    return _table(runs, dims, files).assign_attrs(_head(summary))
 
 
-def _table(
-    cells: Mapping[tuple[Any, ...], Mapping[str, Any]], coords: Mapping[str, list[Any]], files: Iterable[Path] = ()
-) -> xr.Dataset:
-    """Entries of cells, by their coordinates, as arrays: numbers with nan, texts with '', yes and no as bool.
+def _table(rows: Sequence[Mapping[str, Any]], dims: Sequence[str], files: Iterable[Path] = ()) -> xr.Dataset:
+    """Rows over the entries that tell them apart as arrays: numbers with nan, texts with '', yes and no as bool.
 
     A list is spread over `joint`, whose names the first recording that exists gives.
     """
-    dims, shape = tuple(coords), tuple(len(values) for values in coords.values())
-    names = dict.fromkeys(name for cell in cells.values() for name in cell)
+    coords: dict[str, list[Any]] = {dim: list(dict.fromkeys(row[dim] for row in rows)) for dim in dims}
+    shape = tuple(map(len, coords.values()))
     variables: dict[str, Any] = {}
     width = 0
-    for name in names:
-        values = [cell[name] for cell in cells.values() if cell.get(name) is not None]
+    for name in dict.fromkeys(name for row in rows for name in row if name not in coords):
+        values = [row[name] for row in rows if row.get(name) is not None]
         units = {"units": unit_of(name)}
         if values and isinstance(values[0], list):
             width = len(values[0])
@@ -189,11 +178,11 @@ def _table(
             variables[name] = (dims, np.full(shape, "", dtype=object), {})
         else:
             variables[name] = (dims, np.full(shape, np.nan), units)
-    for place, cell in cells.items():
-        at = tuple(values.index(label) for values, label in zip(coords.values(), place, strict=True))
-        for name, value in cell.items():
-            if value is not None:
-                variables[name][1][at] = value
+    for row in rows:
+        at = tuple(labels.index(row[dim]) for dim, labels in coords.items())
+        for name, (_, array, _) in variables.items():
+            if row.get(name) is not None:
+                array[at] = row[name]
     joints = {"joint": _joints(files, width)} if width else {}
     return xr.Dataset(variables, coords={**coords, **joints})
 
@@ -208,14 +197,13 @@ def _joints(files: Iterable[Path], count: int) -> list[str]:
 
 def _map(a_map: Mapping[str, Any]) -> xr.Dataset:
     (x, x_values, x_unit), (y, y_values, y_unit) = _axis(a_map["x"]), _axis(a_map["y"])
-    names = list(a_map["architectures"])
-    cells = {
-        (name, y_value, x_value): {key: table[j][i] for key, table in a_map["architectures"][name].items()}
-        for name in names
+    cells = [
+        {"architecture": name, y: y_value, x: x_value} | {key: table[j][i] for key, table in tables.items()}
+        for name, tables in a_map["architectures"].items()
         for j, y_value in enumerate(y_values)
         for i, x_value in enumerate(x_values)
-    }
-    data = _table(cells, {"architecture": names, y: y_values, x: x_values})
+    ]
+    data = _table(cells, ["architecture", y, x])
     data[x].attrs.update(units=x_unit, long_name=a_map["x"]["label"])
     data[y].attrs.update(units=y_unit, long_name=a_map["y"]["label"])
     return data.assign_attrs(title=a_map["title"], question=a_map["question"])
