@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from flipdiagram.report.claims import readme_block
+from flipdiagram.report.claims import claims_grid
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -48,6 +48,18 @@ def report(folder: Path, summary: dict[str, Any]) -> str:
     for picture in re.findall(r"\]\(([^)]+\.png)\)", (folder / "report.md").read_text(encoding="utf-8")):
         _copy(folder / picture, target / picture)
     return readme_block(summary)
+
+
+def readme_block(summary: dict[str, Any]) -> str:
+    """What the README shows of a report: how many claims hold, and the table of all of them."""
+    failed = [entry["id"] for entry in summary["claims"] if not entry["holds"]]
+    held = len(summary["claims"]) - len(failed)
+    versions = summary["versions"]
+    intro = (
+        f"{held} of {len(summary['claims'])} claims hold in this physics; {', '.join(failed) or 'none'}"
+        f" {'does' if len(failed) == 1 else 'do'} not (Drake {versions['drake']}, Python {versions['python']}):\n\n"
+    )
+    return intro + claims_grid(summary).markdown()
 
 
 def bench(folder: Path) -> str:

@@ -2,11 +2,10 @@
 
 import json
 import re
+import runpy
 from pathlib import Path
 
 import pytest
-
-from flipdiagram.report.claims import readme_block
 
 TEXT = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 SNIPPETS = re.findall(r"^```python\n(.*?)^```", TEXT, re.DOTALL | re.MULTILINE)
@@ -27,7 +26,8 @@ def test_the_table_of_claims_is_that_of_the_published_report():
     summary = json.loads((Path(__file__).parents[1] / "docs" / "report" / "summary.json").read_text(encoding="utf-8"))
     assert not summary["quick"] and summary["schema"] == "flipdiagram/report/1"
     block = TEXT.split("<!-- report: begin -->\n")[1].split("<!-- report: end -->\n")[0]
-    assert block == readme_block(summary)
+    publish = runpy.run_path(str(Path(__file__).parents[1] / "docs" / "publish.py"))
+    assert block == publish["readme_block"](summary)
 
 
 def test_the_published_report_tells_the_same_as_its_summary():

@@ -39,15 +39,3 @@ def claims_grid(summary: Summary, *, commands: bool = False) -> Grid:
         row += [entry["measured"] + remark, entry["paper"]]
         rows.append([*row, f"`{entry['command']}`"] if commands else row)
     return Grid([*headings, "command"] if commands else headings, rows)
-
-
-def readme_block(summary: Summary) -> str:
-    """What the README shows of a report: how many claims hold, and the table of all of them."""
-    failed = [entry["id"] for entry in summary["claims"] if not entry["holds"]]
-    held = len(summary["claims"]) - len(failed)
-    versions = summary["versions"]
-    intro = (
-        f"{held} of {len(summary['claims'])} claims hold in this physics; {', '.join(failed) or 'none'}"
-        f" {'does' if len(failed) == 1 else 'do'} not (Drake {versions['drake']}, Python {versions['python']}):\n\n"
-    )
-    return intro + claims_grid(summary).markdown()
