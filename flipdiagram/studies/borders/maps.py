@@ -15,6 +15,8 @@ LAB_INERTIA = (0.5, 1.5, 0.8, 0.4, 0.5, 0.01)
 """M_n [kg·m²] that the authors' laboratory gives for its arm, constant over the motion."""
 
 Overrides = Mapping[str, Any]
+Sets = str | Callable[[Any], Overrides]
+"""The field that has the value of an axis, or the fields that a value sets."""
 
 
 @dataclass(frozen=True)
@@ -27,12 +29,11 @@ class Axis:
     logarithmic: bool = False
 
     @classmethod
-    def of(
-        cls, label: str, values: Sequence[float | str], fields: Callable[[Any], Overrides], logarithmic: bool = False
-    ) -> Axis:
-        """An axis whose value v sets fields(v)."""
+    def of(cls, label: str, values: Sequence[float | str], sets: Sets, logarithmic: bool = False) -> Axis:
+        """An axis with these values."""
         plain = tuple(v if isinstance(v, str) else float(v) for v in values)
-        return cls(label, plain, tuple(fields(v) for v in plain), logarithmic)
+        overrides = tuple({sets: v} if isinstance(sets, str) else sets(v) for v in plain)
+        return cls(label, plain, overrides, logarithmic)
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,7 @@ def _disturbances(resolution: int | None) -> Iterator[Map]:
         Axis.of(
             "least distance of blade and table in the plan [m]",
             _grid(0.01, 0.08, 8, resolution),
-            lambda distance: {"planner.table_clearance": distance},
+            "planner.table_clearance",
         ),
         _friction(3, resolution),
     )
@@ -131,12 +132,7 @@ def _gains(scenario: Scenario, resolution: int | None) -> Map:
             lambda gain: {"controller.k_p": gain, "controller.k_v": round(2 * damping * gain**0.5, 6)},
             logarithmic=True,
         ),
-        Axis.of(
-            "g_dis [rad/s]",
-            _ratios(g_dis / 6, g_dis * 24, 6, resolution),
-            lambda cutoff: {"controller.g_dis": cutoff},
-            logarithmic=True,
-        ),
+        Axis.of("g_dis [rad/s]", _ratios(g_dis / 6, g_dis * 24, 6, resolution), "controller.g_dis", logarithmic=True),
     )
 
 
@@ -148,14 +144,10 @@ def _cone(resolution: int | None) -> Map:
         Axis.of(
             "friction coefficient of the block [1]",
             _ratios(0.3, 1.86, 5, resolution),
-            lambda mu: {"object.friction": mu},
+            "object.friction",
             logarithmic=True,
         ),
-        Axis.of(
-            "planning margin [of the friction]",
-            _grid(-0.6, 0.4, 6, resolution),
-            lambda margin: {"planner.friction_margin": margin},
-        ),
+        Axis.of("planning margin [of the friction]", _grid(-0.6, 0.4, 6, resolution), "planner.friction_margin"),
     )
 
 
