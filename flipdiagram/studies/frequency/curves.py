@@ -25,10 +25,8 @@ def curves_of(measured: Measured) -> list[dict[str, Any]]:
             exact = np.unwrap(np.angle(form.command(omega)))
             entries.append(_entry(number, loop, response, phase(response), "rad", None if friction else exact))
     for loop, response in measured.noise.items():
-        amplitude, exact = (
-            measured.study.noise_amplitude,
-            np.abs(closed_form(measured.settings, loop).noise(response.omega)),
-        )
+        amplitude = measured.study.noise_amplitude
+        exact = np.abs(closed_form(measured.settings, loop).noise(response.omega))
         entry = _entry("10", loop, response, response.peak_x / amplitude, "s", exact)
         entries.append(entry | {"fundamental": np.abs(response.x) / amplitude})
     return sorted(entries, key=lambda entry: (int(entry["figure"].rstrip("ab")), entry["figure"]))

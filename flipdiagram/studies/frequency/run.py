@@ -14,7 +14,7 @@ from flipdiagram.files import atomic_path, write_summary
 from flipdiagram.flips.flip import code_version
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.studies.frequency import realisations
-from flipdiagram.studies.frequency.broadband import noise_spectrum
+from flipdiagram.studies.frequency.broadband import noise_gains
 from flipdiagram.studies.frequency.claims import acceleration_gain, evaluate, phase
 from flipdiagram.studies.frequency.curves import curves_of, friction_curves, torque_of
 from flipdiagram.studies.frequency.laboratory import Factory, Laboratory, Measured, closed_form
@@ -55,7 +55,7 @@ def run(scenario: Scenario, out: str | Path, *, quick: bool = False, progress: P
         "claims": evaluate(measured),
         "observer": realisations.observer(settings),
         "measurement": _measurement(measured),
-        "broadband": _broadband(laboratory, measured),
+        "broadband": noise_gains(laboratory, measured),
     }
     progress("what unsteady responses do")
     unsteady, steps = unsteady_responses(laboratory, measured), laboratory.steps
@@ -79,18 +79,6 @@ def run(scenario: Scenario, out: str | Path, *, quick: bool = False, progress: P
     write_summary(folder / "summary.json", "frequency", scenario, body)
     with atomic_path(folder / "frequency.nc") as temporary:
         dataset(measured).to_netcdf(temporary, engine="scipy")
-
-
-def _broadband(laboratory: Laboratory, measured: Measured) -> list[dict[str, Any]]:
-    """The `broadband` entries: noise gains by spectra, with the closed form beside them."""
-    entries = []
-    for name, g in measured.noise:
-        if name != "pd+ff+dob" or g == measured.settings.g_dis:
-            omega, gain, segments = noise_spectrum(laboratory, (name, g))
-            entry = {"architecture": name, "g_dis_rad_s": g or None, "omega_rad_s": omega, "value": gain}
-            theory = np.abs(closed_form(measured.settings, (name, g)).noise(omega))
-            entries.append(entry | {"theory": theory, "segments": segments})
-    return entries
 
 
 def stored(scenario: Scenario, out: str | Path, *, quick: bool = False) -> dict[str, Any] | None:
