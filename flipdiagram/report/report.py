@@ -11,7 +11,7 @@ from flipdiagram.report.html import self_contained
 from flipdiagram.report.pages import page
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.studies.registry import STUDIES
-from flipdiagram.studies.study import Progress, Study, Summary
+from flipdiagram.studies.study import Progress, Study, Summary, silent
 
 PARTS = {
     "frequency": "section III",
@@ -24,12 +24,7 @@ PARTS = {
 
 
 def run(
-    scenario: Scenario,
-    out: str | Path,
-    *,
-    quick: bool = False,
-    jobs: int | None = None,
-    progress: Progress = lambda text: None,
+    scenario: Scenario, out: str | Path, *, quick: bool = False, jobs: int | None = None, progress: Progress = silent
 ) -> None:
     """Run what is missing of the studies below `out`, draw their figures, and write summary.json and both pages.
 

@@ -15,6 +15,10 @@ Summary = Mapping[str, Any]
 Progress = Callable[[str], None]
 
 
+def silent(text: str) -> None:
+    """Progress that nobody is told."""
+
+
 @dataclass(frozen=True)
 class Later:
     """A function named 'module:function', imported when it is called: a record costs no import of Drake."""

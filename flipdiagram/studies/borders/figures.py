@@ -11,7 +11,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from flipdiagram.figures.style import NAMES, RC, STYLES, save
-from flipdiagram.studies.study import Progress, Summary
+from flipdiagram.studies.study import Progress, Summary, silent
 
 FAILED = "#DDDDDD"
 
@@ -71,7 +71,7 @@ def _text(value: float | str) -> str:
     return value if isinstance(value, str) else f"{float(f'{value:.3g}'):g}"
 
 
-def write_figures(summary: Summary, out: Path, *, progress: Progress = lambda text: None) -> list[str]:
+def write_figures(summary: Summary, out: Path, *, progress: Progress = silent) -> list[str]:
     """Draw map_<name>.png and .svg of every map."""
     progress("drawing maps")
     for a_map in summary["maps"]:

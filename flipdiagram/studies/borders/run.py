@@ -10,10 +10,11 @@ from flipdiagram.errors import InputError
 from flipdiagram.files import write_summary
 from flipdiagram.flips.flip import Flip
 from flipdiagram.flips.outcome import Outcome
-from flipdiagram.flips.run import Progress, run_flips
+from flipdiagram.flips.run import run_flips
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.studies.borders.maps import Map, maps_of
 from flipdiagram.studies.borders.variations import Variation, variations_of
+from flipdiagram.studies.study import Progress, silent
 
 VARIATIONS = "variations"
 """Name of the table of solvers and estimates among the maps."""
@@ -31,7 +32,7 @@ def run(
     resolution: int | None = None,
     quick: bool = False,
     jobs: int | None = None,
-    progress: Progress = lambda text: None,
+    progress: Progress = silent,
 ) -> None:
     """Fly every cell of the maps under every architecture, and the variations; write summary.json.
 
@@ -39,12 +40,11 @@ def run(
     left in `out` is used.  A cell without a motion, or that diverges, is an outcome.  Raises InputError.
     """
     known = maps_of(scenario, QUICK_RESOLUTION if quick and resolution is None else resolution)
-    names = list(maps) if maps is not None else [*QUICK_MAPS] if quick else [*known, VARIATIONS]
-    for name in names:
-        if name not in known and name != VARIATIONS:
-            valid = [*known, VARIATIONS]
-            message = f"unknown map '{name}'; choose from {', '.join(valid)}"
-            raise InputError(message, field="maps", value=name, valid=valid)
+    valid = [*known, VARIATIONS]
+    names = list(maps) if maps is not None else QUICK_MAPS if quick else valid
+    if unknown := [name for name in names if name not in valid]:
+        message = f"unknown map '{unknown[0]}'; choose from {', '.join(valid)}"
+        raise InputError(message, field="maps", value=unknown[0], valid=valid)
     build_loop(scenario)  # what is wrong with the scenario itself shows before anything is computed
     asked = [known[name] for name in dict.fromkeys(names) if name in known]
     variations = list(variations_of(scenario)) if VARIATIONS in names else []

@@ -17,14 +17,14 @@ from flipdiagram.simulation.recording_files import load_recording
 from flipdiagram.studies.experiment.claims import Runs
 from flipdiagram.studies.experiment.run import recording_name
 from flipdiagram.studies.experiment.tables import QUANTITIES
-from flipdiagram.studies.study import Progress, Summary
+from flipdiagram.studies.study import Progress, Summary, silent
 
 ByArchitecture = Mapping[str, Sequence[xr.Dataset]]
 PAPER_RMSE = (0.0110, 0.0015)
 """The paper's position RMSE [m], mean and standard deviation over its eight starts."""
 
 
-def write_figures(summary: Summary, out: Path, *, progress: Progress = lambda text: None) -> list[str]:
+def write_figures(summary: Summary, out: Path, *, progress: Progress = silent) -> list[str]:
     """Draw the figures beside the results."""
     progress("drawing figures")
     recordings: dict[str, list[xr.Dataset]] = {name: [] for name in summary["architectures"]}

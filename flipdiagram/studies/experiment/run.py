@@ -7,10 +7,11 @@ from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import InputError
 from flipdiagram.files import write_summary
 from flipdiagram.flips.flip import Flip
-from flipdiagram.flips.run import Progress, run_flips
+from flipdiagram.flips.run import run_flips
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.studies.experiment.claims import claims_of, run_entry
 from flipdiagram.studies.experiment.mujoco import second_engine
+from flipdiagram.studies.study import Progress, silent
 
 STARTS = (0.0, 0.02, 0.04, 0.06, 0.08, 0.10, 0.12, 0.14)
 """Starts [m] on y: the first at the centre of the workspace, each 2 cm further (section IV-B of the paper)."""
@@ -32,7 +33,7 @@ def run(
     architectures: Sequence[str] = ARCHITECTURES,
     quick: bool = False,
     jobs: int | None = None,
-    progress: Progress = lambda text: None,
+    progress: Progress = silent,
 ) -> None:
     """Fly every start under every architecture, and in MuJoCo where it is installed; write recordings and summary.json.
 

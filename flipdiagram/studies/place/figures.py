@@ -14,14 +14,12 @@ from flipdiagram.scenario.scenario import ARCHITECTURES, from_mapping
 from flipdiagram.simulation.recording import Recording
 from flipdiagram.simulation.recording_files import load_recording
 from flipdiagram.studies.place.run import commanded_angle, planned_states
-from flipdiagram.studies.study import Progress, Summary
+from flipdiagram.studies.study import Progress, Summary, silent
 
 STATES = (("stick (7)", "#56B4E9"), ("slide (8)", "#F0E442"), ("release (9)", "#BBBBBB"))
 
 
-def write_figures(
-    summary: Summary, out: Path, *, no_replay: bool = False, progress: Progress = lambda text: None
-) -> list[str]:
+def write_figures(summary: Summary, out: Path, *, no_replay: bool = False, progress: Progress = silent) -> list[str]:
     """Draw the figures and, unless told not to, replay.html beside the results."""
     progress("drawing figures")
     recordings = {run["architecture"]: load_recording(out / run["recording"]) for run in summary["runs"]}

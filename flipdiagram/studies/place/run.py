@@ -16,7 +16,7 @@ from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.simulation.metrics import rmse, touchdown
 from flipdiagram.simulation.recording import Recording, in_tool, roll
 from flipdiagram.simulation.simulate import simulate
-from flipdiagram.studies.study import Progress
+from flipdiagram.studies.study import Progress, silent
 from flipdiagram.theory import contact
 from flipdiagram.theory.contact import ContactState
 
@@ -32,7 +32,7 @@ def run(
     architectures: Sequence[str] = ARCHITECTURES,
     *,
     jobs: int | None = None,
-    progress: Progress = lambda text: None,
+    progress: Progress = silent,
 ) -> None:
     """Plan once, simulate each architecture, write recordings and summary.json.
 

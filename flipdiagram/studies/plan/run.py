@@ -5,10 +5,10 @@ from pathlib import Path
 from flipdiagram.files import write_atomically, write_summary
 from flipdiagram.planning import plan_motion
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.studies.study import Progress
+from flipdiagram.studies.study import Progress, silent
 
 
-def run(scenario: Scenario, out: str | Path, *, progress: Progress = lambda text: None) -> None:
+def run(scenario: Scenario, out: str | Path, *, progress: Progress = silent) -> None:
     """Plan; write plan.json and summary.json.  Raises PlanningError."""
     progress("planning")
     plan = plan_motion(scenario)

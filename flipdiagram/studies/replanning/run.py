@@ -8,8 +8,9 @@ from typing import Any
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.files import write_summary
 from flipdiagram.flips.flip import Flip
-from flipdiagram.flips.run import Progress, run_flips
+from flipdiagram.flips.run import run_flips
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
+from flipdiagram.studies.study import Progress, silent
 
 PERIOD = 0.04
 """How often the motion is planned again [s], where the scenario does not say."""
@@ -47,12 +48,7 @@ def ways_of(scenario: Scenario) -> dict[str, Mapping[str, Any]]:
 
 
 def run(
-    scenario: Scenario,
-    out: str | Path,
-    *,
-    quick: bool = False,
-    jobs: int | None = None,
-    progress: Progress = lambda text: None,
+    scenario: Scenario, out: str | Path, *, quick: bool = False, jobs: int | None = None, progress: Progress = silent
 ) -> None:
     """Fly every case in every way under every architecture; write summary.json.
 

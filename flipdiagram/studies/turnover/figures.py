@@ -12,17 +12,14 @@ from flipdiagram.flips.workers import Workers
 from flipdiagram.planning import Plan
 from flipdiagram.rendering.replay import write_replay
 from flipdiagram.rendering.snapshots import take_snapshots
-from flipdiagram.scenario.scenario import Scenario, from_mapping
+from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, from_mapping
 from flipdiagram.simulation.recording import Recording
 from flipdiagram.simulation.recording_files import load_recording
-from flipdiagram.studies.study import Progress, Summary
-
-BEST = ("pd+ff+dob", "pd+dob", "pd+ff", "pd")
-"""Whose snapshots are taken: the first of these that was run."""
+from flipdiagram.studies.study import Progress, Summary, silent
 
 
 def write_figures(
-    summary: Summary, out: Path, *, quick: bool = False, no_replay: bool = False, progress: Progress = lambda text: None
+    summary: Summary, out: Path, *, quick: bool = False, no_replay: bool = False, progress: Progress = silent
 ) -> list[str]:
     """Draw the figures and, unless quick or told not to, snapshots and replay.html; returns notes to show."""
     recordings = {run["architecture"]: load_recording(out / run["recording"]) for run in summary["runs"]}
@@ -31,7 +28,7 @@ def write_figures(
         return []
     scenario = from_mapping(summary["scenario"])
     with Workers(2) as workers:
-        shown = next(name for name in BEST if name in recordings)
+        shown = next(name for name in reversed(ARCHITECTURES) if name in recordings)  # snapshots of the best
         tasks = [
             (write_replay, (recordings, scenario, out / "replay.html")),
             (_strip, (recordings[shown], scenario, out)),

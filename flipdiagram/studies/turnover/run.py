@@ -13,7 +13,7 @@ from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.simulation import metrics
 from flipdiagram.simulation.recording_files import save_recording
 from flipdiagram.simulation.simulate import simulate
-from flipdiagram.studies.study import Progress
+from flipdiagram.studies.study import Progress, silent
 
 QUICK_HOLD = 1.0
 """Hold time [s] of a quick run: the observer has settled to within exp(−12.6), the PD's slow pole only to exp(−2.9)."""
@@ -35,7 +35,7 @@ def run(
     *,
     quick: bool = False,
     jobs: int | None = None,
-    progress: Progress = lambda text: None,
+    progress: Progress = silent,
 ) -> None:
     """Plan once, simulate every architecture in processes of its own, write recordings, plan.json and summary.json.
 
