@@ -20,7 +20,6 @@ KINDS = {
     "grid": "a list of at least one value, each once",
 }
 """Name in the file → what it takes."""
-DISCRETE = ("integers", "choice", "grid")
 TAIL = 1e-12
 """Probability beyond which a normal distribution is not followed: 7 standard deviations."""
 
@@ -38,7 +37,7 @@ class Distribution:
         """All values of a discrete one, else None."""
         if self.kind == "integers":
             return tuple(range(self.numbers[0], self.numbers[1] + 1))
-        return self.numbers if self.kind in DISCRETE else None
+        return self.numbers if self.kind in ("choice", "grid") else None
 
     def value(self, u: float) -> Any:
         """The value below which a share u in [0, 1) of all lies."""

@@ -33,23 +33,16 @@ def _full_parser() -> argparse.ArgumentParser:
     whole = parser()
     named = {"architecture": ARCHITECTURES, "architectures": ARCHITECTURES, "shell": SHELLS}
     named["maps"] = (*maps_of(Scenario()), "variations")
-    for command in _commands(whole):
-        takes_scenario = False
+    (commands,) = (action for action in whole._actions if isinstance(action, argparse._SubParsersAction))
+    for command in commands.choices.values():
         for action in command._actions:
-            takes_scenario |= action.dest == "scenario"
             if action.choices is None:
                 action.choices = named.get(action.dest)
             if isinstance(action.metavar, str) and action.metavar in PLACES:
                 action.complete = PLACES[action.metavar]  # type: ignore[attr-defined]  # shtab's own attribute
-        if takes_scenario:
+        if any(action.dest == "scenario" for action in command._actions):
             _add_fields(command)
     return whole
-
-
-def _commands(whole: argparse.ArgumentParser) -> list[argparse.ArgumentParser]:
-    """The parsers of the single commands."""
-    subparsers = [action for action in whole._actions if isinstance(action, argparse._SubParsersAction)]
-    return [command for action in subparsers for command in action.choices.values()]
 
 
 def _add_fields(command: argparse.ArgumentParser) -> None:
