@@ -87,21 +87,13 @@ class Loop1Dof:
 
     def poles(self) -> Complex:
         """Poles as s [rad/s], z = e^{sT} for the sampled loop; roots of Δ with its denominators multiplied out."""
-        gamma, one, T = Polynomial([0.0, 1.0]), Polynomial([1.0]), self.period
-        half = Polynomial([1.0, T / 2])
-        # numerator and denominator of K, H and D_a; other: what of Δ's common denominator is not in those three
-        n_K, d_K = (gamma + _cutoff(self.g_dis, T), gamma) if self.g_dis else (one, one)
-        n_H, d_H, other = gamma, half, one
-        if self.velocity_cutoff is not None:
-            G_v = _cutoff(self.velocity_cutoff, T)
-            n_H, d_H, other = G_v * gamma, gamma + G_v, half
-        n_D, d_D = 0.0 * one, one
-        if self.feedforward == "measured":
-            G_a = _cutoff(self.acceleration_cutoff, T)
-            n_D, d_D = G_a * gamma, gamma + G_a
-        inertial = self.mass * gamma**2 * d_K * d_D * (one if other is one else d_H)
-        feedback = self.reference_mass * n_K * (self.k_p * d_H * d_D + (self.k_v * d_D - n_D) * n_H) * other
-        total = inertial + feedback + self.g_dis * self.nominal_mass * n_H * d_K * d_D * other
+        gamma, T = Polynomial([0.0, 1.0]), self.period
+        (n_K, d_K), (n_H, d_H), (n_D, d_D) = self._fractions(gamma)
+        inertial = self.mass * gamma**2 * d_K * d_D
+        feedback = self.reference_mass * n_K * (self.k_p * d_H * d_D + (self.k_v * d_D - n_D) * n_H)
+        feedback = feedback + self.g_dis * self.nominal_mass * n_H * d_K * d_D
+        # 1 + γT/2 of the inertial term is the denominator of H where the velocity is measured exactly, else one more
+        total = inertial + feedback if self.velocity_cutoff is None else inertial * d_H + feedback * (1 + gamma * T / 2)
         roots = np.asarray(total.trim(0.0).roots(), dtype=complex)
         return roots if T == 0.0 else np.asarray(np.log(1.0 + T * roots) / T, dtype=complex)
 
@@ -118,20 +110,23 @@ class Loop1Dof:
             top = f" and below π/T = {math.pi / T:.6g}" if T > 0 else ""
             raise InputError.of("omega", w.tolist(), f"finite, above 0{top} [rad/s]")
         gamma: Any = 1j * w if T == 0.0 else np.expm1(1j * w * T) / T
-        half = 1.0 + gamma * T / 2
-        K = (gamma + _cutoff(self.g_dis, T)) / gamma
-        if self.velocity_cutoff is None:
-            H = gamma / half
-        else:
-            G_v = _cutoff(self.velocity_cutoff, T)
-            H = G_v * gamma / (gamma + G_v)
-        D_a = np.zeros_like(gamma)
-        if self.feedforward == "measured":
-            G_a = _cutoff(self.acceleration_cutoff, T)
-            D_a = G_a * gamma / (gamma + G_a)
-        inertial = self.mass * gamma**2 / half
+        K, H, D_a = (numerator / denominator for numerator, denominator in self._fractions(gamma))
+        inertial = self.mass * gamma**2 / (1.0 + gamma * T / 2)
         feedback = self.reference_mass * K * (self.k_p + (self.k_v - D_a) * H)
         return _Terms(K, D_a, inertial, inertial + feedback + self.g_dis * self.nominal_mass * H)
+
+    def _fractions(self, gamma: Any) -> tuple[tuple[Any, Any], ...]:
+        """Numerator and denominator of K, H and D_a, of γ as numbers or as a polynomial."""
+        T = self.period
+
+        def derivative(g: float) -> tuple[Any, Any]:
+            G = _cutoff(g, T)
+            return G * gamma, gamma + G
+
+        K = (gamma + _cutoff(self.g_dis, T), gamma) if self.g_dis else (1.0, 1.0)
+        H = (gamma, 1.0 + gamma * T / 2) if self.velocity_cutoff is None else derivative(self.velocity_cutoff)
+        D_a = derivative(self.acceleration_cutoff) if self.feedforward == "measured" else (0.0, 1.0)
+        return K, H, D_a
 
 
 def unstable(name: str, pole: complex) -> str:
