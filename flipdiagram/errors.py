@@ -26,10 +26,13 @@ class InputError(FlipdiagramError):
         self.field, self.value, self.valid = field, value, valid
 
     @classmethod
-    def of(cls, field: str, value: Any, valid: Any) -> Self:
-        """The error whose sentence is 'field = value; valid is …'; valid: words, or the names to choose from."""
-        words = valid if isinstance(valid, str) else ", ".join(map(str, valid))
-        return cls(f"{field} = {value!r}; valid is {words}", field=field, value=value, valid=valid)
+    def of(cls, field: str, value: Any, valid: Any, problem: str | None = None) -> Self:
+        """The error whose sentence is 'problem; valid is …', or '…; choose from …' where `valid` are names.
+
+        The problem is by default 'field = value'.
+        """
+        remedy = f"valid is {valid}" if isinstance(valid, str) else f"choose from {', '.join(map(str, valid))}"
+        return cls(f"{problem or f'{field} = {value!r}'}; {remedy}", field=field, value=value, valid=valid)
 
 
 class ScenarioError(InputError):

@@ -32,20 +32,16 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     Keeps the suffix, which Matplotlib and xarray read. Makes the folder. InputError where it cannot write.
     """
     target = Path(path)
-    temporary: Path | None = None
+    temporary = target.parent / f".{target.stem}-{os.urandom(4).hex()}{target.suffix}"
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.stem}-", suffix=target.suffix)
-        os.close(handle)
-        temporary = Path(name)
         yield temporary
-        temporary.chmod(0o666 & ~_umask())  # mkstemp makes files that only their owner can read
         os.replace(temporary, target)
     except OSError as error:
         raise InputError(f"cannot write '{target}': {error.strerror or error}") from error
     finally:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # never made, or renamed
+            temporary.unlink()
 
 
 def write_atomically(path: str | os.PathLike[str], content: str | bytes) -> Path:
@@ -81,9 +77,8 @@ def check_output_directory(path: str | os.PathLike[str]) -> Path:
         with _folder(folder), tempfile.TemporaryFile(dir=folder):
             pass
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
-        reason, valid = getattr(error, "strerror", None) or error, "a writable folder"
-        message = f"--out = '{folder}' cannot be written: {reason}; valid is {valid}"
-        raise InputError(message, field="--out", value=folder, valid=valid) from None
+        problem = f"--out = '{folder}' cannot be written: {getattr(error, 'strerror', None) or error}"
+        raise InputError.of("--out", folder, "a writable folder", problem) from None
     return folder
 
 
@@ -101,8 +96,7 @@ def sole_use(path: str | os.PathLike[str]) -> Iterator[None]:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 valid = "another folder, or this one once it has ended"
-                message = f"--out = '{folder}' is in use by another run; valid is {valid}"
-                raise InputError(message, field="--out", value=folder, valid=valid) from None
+                raise InputError.of("--out", folder, valid, f"--out = '{folder}' is in use by another run") from None
             except OSError:
                 pass  # a file system without locks
             yield
@@ -134,9 +128,3 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

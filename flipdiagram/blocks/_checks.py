@@ -61,9 +61,7 @@ def same_form(name: str, value: Array, built: Array) -> Array:
     if value.ndim == 1 and built.shape == (value.size, value.size):
         return np.diag(value)
     if value.shape != built.shape:
-        raise InputError(
-            f"{name} has shape {value.shape}; valid here is {built.shape}", field=name, value=value, valid=built.shape
-        )
+        raise InputError.of(name, value, str(built.shape), f"{name} has shape {value.shape}")
     return value
 
 

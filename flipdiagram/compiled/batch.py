@@ -161,8 +161,7 @@ class BatchDiagram(ABC):
         array, size = np.asarray(state, dtype=float), self.layout.states.size
         rows = array[None] if array.shape == (size,) else array
         if rows.ndim != 2 or rows.shape[1] != size:
-            message = f"state has shape {array.shape}; valid is (channels, {size})"
-            raise InputError(message, field="state", value=array.shape, valid=f"(channels, {size})")
+            raise InputError.of("state", array.shape, f"(channels, {size})", f"state has shape {array.shape}")
         return rows
 
     def _series(self, inputs: Mapping[str, ArrayLike]) -> Floats:
@@ -191,8 +190,7 @@ class BatchDiagram(ABC):
         for name in log:
             if name not in signals:
                 valid = [*outputs.places, *states.places]
-                message = f"log: unknown output or state '{name}'; choose from {', '.join(valid)}"
-                raise InputError(message, field="log", value=name, valid=valid)
+                raise InputError.of("log", name, valid, f"log: unknown output or state '{name}'")
             named[name] = np.arange(len(columns), len(columns) + signals[name].size)
             columns += signals[name].tolist()
         return named, np.array(columns, dtype=np.int64)

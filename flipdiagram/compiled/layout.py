@@ -77,8 +77,7 @@ def rows_of(kind: str, name: str, value: ArrayLike, size: int) -> Floats:
         array = array[None]
     if array.ndim != 2 or array.shape[1] != size or array.shape[0] == 0:
         valid = "a number or (channels,)" if size == 1 else f"({size},) or (channels, {size})"
-        message = f"{kind} '{name}' has shape {np.shape(value)}; valid is {valid}"
-        raise InputError(message, field=name, value=np.shape(value), valid=valid)
+        raise InputError.of(name, np.shape(value), valid, f"{kind} '{name}' has shape {np.shape(value)}")
     return array
 
 
@@ -89,8 +88,8 @@ def series_of(name: str, value: ArrayLike, size: int) -> Floats:
         array = array[:, :, None]
     if array.ndim == 3:
         if array.shape[2] != size or 0 in array.shape:
-            message = f"input '{name}' has shape {np.shape(value)}; valid is (channels, rows, {size})"
-            raise InputError(message, field=name, value=np.shape(value), valid=f"(channels, rows, {size})")
+            problem = f"input '{name}' has shape {np.shape(value)}"
+            raise InputError.of(name, np.shape(value), f"(channels, rows, {size})", problem)
         return array
     return rows_of("input", name, array, size)[:, None, :]
 
@@ -108,11 +107,9 @@ def _finite(kind: str, name: str, value: ArrayLike) -> Floats:
     try:
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
-        message = f"{kind} '{name}' = {value!r}; valid are numbers"
-        raise InputError(message, field=name, value=value, valid="numbers") from None
+        raise InputError.of(name, value, "a number or several", f"{kind} '{name}' = {value!r}") from None
     if not np.isfinite(array).all():
-        message = f"{kind} '{name}' holds nan or infinity; valid are finite numbers"
-        raise InputError(message, field=name, value=value, valid="finite numbers")
+        raise InputError.of(name, value, "what is finite", f"{kind} '{name}' holds nan or infinity")
     return array
 
 
@@ -208,13 +205,10 @@ def _tied(
         places_of = {member: names.find(member) for member in members}
         if len({places.size for places in places_of.values()}) != 1:
             sizes = ", ".join(f"{member}: {places.size}" for member, places in places_of.items())
-            raise InputError(
-                f"tie: '{new}' joins parameters of different sizes ({sizes}); valid is one size", field="tie"
-            )
+            raise InputError.of("tie", sizes, "one size", f"tie: '{new}' joins parameters of different sizes ({sizes})")
         for member, places in places_of.items():
             if tied.intersection(places.tolist()):
-                message = f"tie: '{member}' of '{new}' is tied already; valid is one name for each"
-                raise InputError(message, field="tie", value=member, valid="one name for each")
+                raise InputError.of("tie", member, "one name for each", f"tie: '{member}' of '{new}' is tied already")
             tied.update(places.tolist())
             representative[places] = names.find(members[0])
     kept, place = np.unique(representative, return_inverse=True)

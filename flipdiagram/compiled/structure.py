@@ -50,8 +50,8 @@ class Structure:
 def flatten(diagram: Any) -> Structure:
     """The structure of a Diagram (or of a single leaf) over float; raises InputError for anything else."""
     if not isinstance(diagram, System):
-        message = f"{type(diagram).__name__} is no System; valid is a Drake Diagram over float"
-        raise InputError(message, field="diagram", value=diagram, valid="a Drake Diagram over float")
+        problem = f"{type(diagram).__name__} is no System"
+        raise InputError.of("diagram", diagram, "a Drake Diagram over float", problem)
     blocks: list[tuple[str, Any, list[Any]]] = []
     alive: list[Any] = [diagram]  # identities are compared, so every object met stays alive until the end
 

@@ -23,8 +23,8 @@ def with_replaced(
     boxes = dict(ours)
     for name, given in replace.items():
         if name not in ours:
-            message = f"replace: '{architecture}' has no box '{name}' to replace; choose from {', '.join(ours)}"
-            raise InputError(message, field="replace", value=name, valid=list(ours))
+            problem = f"replace: '{architecture}' has no box '{name}' to replace"
+            raise InputError.of("replace", name, list(ours), problem)
         box = boxes[name] = _system(name, given)
         sizes = _output_sizes(box)
         for port, size in _output_sizes(ours[name]).items():
@@ -42,8 +42,7 @@ def with_replaced(
 
 def misfit(name: str, has: str, valid: str | Collection[str], argument: str = "replace: ") -> InputError:
     """The error of a box that does not fit its place."""
-    words = valid if isinstance(valid, str) else ", ".join(valid)
-    return InputError(f"{argument}the box for '{name}' has {has}; valid is {words}", field=name, value=has, valid=valid)
+    return InputError.of(name, has, valid, f"{argument}the box for '{name}' has {has}")
 
 
 def build_diagram(builder: DiagramBuilder, replace: Mapping[str, Box] | None) -> Diagram:
@@ -62,12 +61,7 @@ def _system(name: str, given: Box) -> Any:
     if isinstance(given, type) or (callable(given) and not hasattr(given, "num_input_ports")):
         box = given()
     if not hasattr(box, "num_input_ports"):
-        raise InputError(
-            f"replace: '{name}' = {given!r} is no Drake System; valid is one, or what makes one",
-            field=name,
-            value=given,
-            valid="a Drake System, or what makes one",
-        )
+        raise InputError.of(name, given, "one, or what makes one", f"replace: '{name}' = {given!r} is no Drake System")
     return box
 
 

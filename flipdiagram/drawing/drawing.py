@@ -82,8 +82,7 @@ class Drawing:
         }
         suffix = Path(path).suffix.lower()
         if suffix not in forms:
-            message = f"drawing '{path}' has the suffix '{suffix}'; choose from {', '.join(forms)}"
-            raise InputError(message, field="path", value=suffix, valid=list(forms))
+            raise InputError.of("path", suffix, list(forms), f"drawing '{path}' has the suffix '{suffix}'")
         return write_atomically(path, forms[suffix]())
 
     def _render(self, form: str) -> bytes:
@@ -127,8 +126,8 @@ def draw(
     """
     if not isinstance(diagram, Diagram):
         if not hasattr(diagram, "diagram"):
-            message = f"cannot draw a {type(diagram).__name__}; valid is a Drake Diagram or a Loop"
-            raise InputError(message, field="diagram", value=diagram, valid="a Drake Diagram or a Loop")
+            problem = f"cannot draw a {type(diagram).__name__}"
+            raise InputError.of("diagram", diagram, "a Drake Diagram or a Loop", problem)
         groups = diagram.groups if groups is None else groups
         diagram = diagram.diagram
     graph = read_graph(diagram, depth=depth, groups=groups, taps=taps)

@@ -235,8 +235,7 @@ def _group_of(diagram: Diagram, groups: Mapping[str, Collection[str]]) -> dict[s
     for group, members in groups.items():
         for name in members:
             if name not in names:
-                message = f"group '{group}' names system '{name}'; choose from {', '.join(names)}"
-                raise InputError(message, field="groups", value=name, valid=names)
+                raise InputError.of("groups", name, names, f"group '{group}' names system '{name}'")
             if name in group_of:
                 message = f"system '{name}' is in groups '{group_of[name]}' and '{group}'; one is valid"
                 raise InputError(message, field="groups", value=name)

@@ -188,9 +188,8 @@ class Plan:
         except ValueError as error:
             raise InputError(f"{source} is not valid JSON: {error}", field=source, valid="JSON") from None
         if not isinstance(data, dict) or data.pop("schema", None) != SCHEMA:
-            valid = f"a file with schema '{SCHEMA}'"
-            raise InputError(f"{source} is no plan file; valid is {valid}", field=source, valid=SCHEMA)
-        valid, problem = "a file written by this version", " lacks fields of a plan or has others"
+            raise InputError.of(source, None, f"a file with schema '{SCHEMA}'", f"{source} is no plan file")
+        problem = " lacks fields of a plan or has others"
         wrong = sorted(set(data) ^ {f.name for f in fields(cls)})
         if not wrong:
             try:
@@ -202,7 +201,7 @@ class Plan:
                 wrong = list(dict.fromkeys(str(each["loc"][0]) for each in error.errors()))
             problem = f": {', '.join(wrong)} of another shape or kind"
         if wrong:
-            raise InputError(f"{source}{problem}; valid is {valid}", field=source, value=wrong, valid=valid)
+            raise InputError.of(source, wrong, "a file written by this version", source + problem)
         return plan
 
     @classmethod
@@ -213,7 +212,6 @@ class Plan:
             text = Path(path).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-            valid = "a file of 'flipdiagram plan'"
-            text = f"{source} cannot be read: {reason}; valid is {valid}"
-            raise InputError(text, field=source, valid=valid) from None
+            problem = f"{source} cannot be read: {reason}"
+            raise InputError.of(source, str(path), "a file of 'flipdiagram plan'", problem) from None
         return cls.from_json(text, source)

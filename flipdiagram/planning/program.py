@@ -39,13 +39,8 @@ def make_solver(name: str) -> SolverInterface:
     solver: SolverInterface = _SOLVERS[name]()
     if not (solver.available() and solver.enabled()):
         usable = [n for n, kind in _SOLVERS.items() if kind().available() and kind().enabled()]
-        raise InputError(
-            f"scenario field 'planner.solver' = {name!r} cannot be used here (not built in, or no licence);"
-            f" valid is {', '.join(usable)}",
-            field="planner.solver",
-            value=name,
-            valid=usable,
-        )
+        problem = f"scenario field 'planner.solver' = {name!r} cannot be used here (not built in, or no licence)"
+        raise InputError.of("planner.solver", name, usable, problem)
     return solver
 
 

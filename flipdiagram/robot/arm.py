@@ -201,15 +201,14 @@ class ArmModel:
         vector = np.asarray(value)
         if vector.shape != (self.n_joints,):
             valid = f"({self.n_joints},): {' '.join(self.joint_names)}"
-            raise InputError(f"{name} has shape {vector.shape}; valid is {valid}", field=name, value=value, valid=valid)
+            raise InputError.of(name, value, valid, f"{name} has shape {vector.shape}")
         return vector
 
     def _task(self, name: str, value: ArrayLike, dimensions: int) -> Array:
         poses = np.array(value, dtype=float)
         if poses.ndim != dimensions or poses.shape[-1] != len(AXES) or not len(poses):
             valid = f"{'(6,)' if dimensions == 1 else '(N, 6)'}, {', '.join(AXES)}"
-            raise InputError(f"{name} has shape {poses.shape}; valid is {valid}", field=name, value=value, valid=valid)
+            raise InputError.of(name, value, valid, f"{name} has shape {poses.shape}")
         if not np.isfinite(poses).all():
-            message = f"{name} has entries that are not finite; valid are numbers in m and rad"
-            raise InputError(message, field=name, value=value, valid="numbers in m and rad")
+            raise InputError.of(name, value, "finite numbers in m and rad", f"{name} has entries that are not finite")
         return poses

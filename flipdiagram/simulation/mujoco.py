@@ -207,7 +207,6 @@ def _scenario_of(recording: Recording) -> Scenario:
     bad = [name for name in signals if name not in recording or not np.isfinite(recording[name].values).all()]
     bad += ["scenario"] * ("scenario" not in recording.attrs)
     if bad:
-        valid = "one that `simulate` returns"
-        message = f"the recording lacks finite {', '.join(bad)}; valid is {valid}"
-        raise InputError(message, field="recording", value=bad, valid=valid)
+        problem = f"the recording lacks finite {', '.join(bad)}"
+        raise InputError.of("recording", bad, "one that `simulate` returns", problem)
     return from_yaml(recording.attrs["scenario"], "scenario of the recording")

@@ -194,7 +194,7 @@ def test_a_solver_that_is_not_there_is_named_with_those_that_are():
     if GurobiSolver().available():
         pytest.skip("this Drake has Gurobi")
     with pytest.raises(
-        InputError, match=r"'planner.solver' = 'gurobi' cannot be used here .* valid is clarabel, "
+        InputError, match=r"'planner.solver' = 'gurobi' cannot be used here .* choose from clarabel, "
     ) as error:
         make_solver("gurobi")
-    assert "gurobi" not in str(error.value).split("valid is")[1]
+    assert "gurobi" not in str(error.value).split("choose from")[1]

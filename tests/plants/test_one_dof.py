@@ -120,7 +120,7 @@ def test_the_block_steps_as_its_law_over_every_scalar(friction):
 @pytest.mark.parametrize(
     ("bad", "words"),
     [
-        ({"friction": "tanh"}, "friction = 'tanh'; valid is none, signum, stick-slip"),
+        ({"friction": "tanh"}, "friction = 'tanh'; choose from none, signum, stick-slip"),
         ({"mass": 0.0}, "mass"),
         ({"f_c": -1.0}, "f_c"),
         ({"d": 11.0}, "at most 0.001 mass/period"),

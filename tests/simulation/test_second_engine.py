@@ -270,7 +270,7 @@ def test_a_state_that_is_not_finite_ends_in_an_error(monkeypatch, tmp_path):
     ],
 )
 def test_a_bad_setting_is_named(name, value, valid):
-    with pytest.raises(InputError, match=f"'{name}' = .*valid is {valid}"):
+    with pytest.raises(InputError, match=f"'{name}' = .*(valid is|choose from) {valid}"):
         Settings(**{name: value})
 
 

@@ -216,7 +216,7 @@ def test_a_controller_without_symbolic_form_runs_in_drake():
 @pytest.mark.parametrize(
     ("controller", "words"),
     [
-        (lambda: Plain("x", "y"), "'controller' has input port 'y', which is absent here; valid is x_cmd"),
+        (lambda: Plain("x", "y"), "'controller' has input port 'y', which is absent here; choose from x_cmd"),
         (lambda: Plain("x", size=2), "size 2; valid is 1"),
         (Adder, ""),
     ],
