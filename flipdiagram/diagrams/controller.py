@@ -31,6 +31,7 @@ from flipdiagram.diagrams.start import start_of
 from flipdiagram.errors import InputError
 from flipdiagram.planning.planner import Planner
 from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.arm_spec import one_per_joint
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 
 SIGNALS = (*COMMANDS, "x", "v", "q", "qd", "a_ref", "qdd_ref", "tau_ref", "tau_dis", "tau_gravity", "tau_cmd", "tau")
@@ -66,23 +67,17 @@ class ControllerBoxes:
 def check_architecture(architecture: str) -> str:
     """The name itself; raises InputError, naming the valid ones, for another."""
     if architecture not in ARCHITECTURES:
-        message = f"unknown architecture '{architecture}'; choose from {', '.join(ARCHITECTURES)}"
-        raise InputError(message, field="architecture", value=architecture, valid=ARCHITECTURES)
+        raise InputError.of("architecture", architecture, ARCHITECTURES, f"unknown architecture '{architecture}'")
     return architecture
 
 
 def nominal_inertia(scenario: Scenario, arm: ArmModel, q_start: Floats) -> Floats:
     """Diagonal of M_n [kg·m²], shape (n,): the scenario's, or that of M(q) at the start pose q_start (n,)."""
     given = scenario.controller.nominal_inertia
-    if given is not None and len(given) != arm.n_joints:
-        raise InputError(
-            f"scenario field 'controller.nominal_inertia' = {list(given)} has {len(given)} entries;"
-            f" valid is one per joint, {' '.join(arm.joint_names)}",
-            field="controller.nominal_inertia",
-            value=given,
-            valid=arm.joint_names,
-        )
-    diagonal = np.diag(arm.mass_matrix(q_start)) if given is None else np.array(given)
+    if given is None:
+        diagonal = np.diag(arm.mass_matrix(q_start))
+    else:
+        diagonal = np.array(one_per_joint("controller.nominal_inertia", given, arm.joint_names))
     return diagonal * scenario.controller.nominal_inertia_scale
 
 

@@ -10,10 +10,12 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, Frame, Joint, ModelInstanceIndex, RigidBody, WeldJoint
 
 from flipdiagram.errors import InputError
-from flipdiagram.robot.arm_spec import ArmFile, ArmSpec
+from flipdiagram.robot.arm_spec import ArmSpec, file_error, one_per_joint
 from flipdiagram.robot.model_files import arm_urdf, model_path
 from flipdiagram.robot.own_files import JointNumbers, joint_numbers
+from flipdiagram.scenario.cell import OWN_ARM, Arm
 
+UNSCALED = {"reflected_inertia_scale": 1.0, "reflected_inertia_scales": None, "speed_scale": 1.0, "torque_scale": 1.0}
 # Flange: z out of it, x up. Spatula: x out, z up. So x_S = z_F, y_S = -y_F, z_S = x_F; columns are S in F.
 R_FLANGE_SPATULA = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
 
@@ -37,16 +39,12 @@ def add_arm(plant: MultibodyPlant, spec: ArmSpec) -> ArmHandles:
 
     Raises InputError for a file that lacks something.
     """
-    own, R_FS = spec.own, RotationMatrix(R_FLANGE_SPATULA)
-    if own is None:
-        instance, numbers = _add_urdf(plant, spec)
-        base, flange = (plant.GetFrameByName(name, instance) for name in ("base", "flange"))
-    else:
-        instance, numbers = _add_own(plant, spec, own)
-        base, flange = (plant.GetFrameByName(name, instance) for name in (own.base, own.flange))
-        R_FS = RotationMatrix.MakeZRotation(own.mount_angle) @ R_FS
-    x, y, z, yaw = spec.base_pose
-    X_WB = RigidTransform(RollPitchYaw(0.0, 0.0, yaw), [x, y, z]) if any(spec.base_pose) else RigidTransform()
+    arm = spec.arm
+    instance, numbers = _add_urdf(plant, arm) if arm.file is None else _add_own(plant, arm, spec.suffix)
+    base, flange = (plant.GetFrameByName(name, instance) for name in (arm.base, arm.flange))
+    R_FS = RotationMatrix.MakeZRotation(arm.mount_angle) @ RotationMatrix(R_FLANGE_SPATULA)
+    x, y, z, yaw = arm.base_pose
+    X_WB = RigidTransform(RollPitchYaw(0.0, 0.0, yaw), [x, y, z]) if any(arm.base_pose) else RigidTransform()
     plant.WeldFrames(plant.world_frame(), base, X_WB)
 
     spatula_text = spec.spatula or model_path("spatula.urdf").read_text(encoding="utf-8")
@@ -65,46 +63,41 @@ def add_arm(plant: MultibodyPlant, spec: ArmSpec) -> ArmHandles:
     )
 
 
-def _add_urdf(plant: MultibodyPlant, spec: ArmSpec) -> tuple[ModelInstanceIndex, JointNumbers]:
+def _add_urdf(plant: MultibodyPlant, arm: Arm) -> tuple[ModelInstanceIndex, JointNumbers]:
     """The arm from its scaled URDF, and what that says of the moving joints."""
-    text = arm_urdf(spec)
+    text = arm_urdf(arm)
     try:
         (instance,) = Parser(plant).AddModelsFromString(text, "urdf")
     except RuntimeError as error:
-        raise InputError(f"arm.file = '{spec.own.path if spec.own else 'mh3f.urdf'}' cannot be read: {error}") from None
+        raise file_error(arm, f"cannot be read: {error}") from None
     numbers, names = joint_numbers(text), [joint.name() for joint in _moving(plant, instance)]
     rated = {name: numbers.rated_torque.get(name, np.inf) for name in names}
     return instance, replace(numbers, rated_torque=rated, home=numbers.home and {n: numbers.home[n] for n in names})
 
 
-def _add_own(plant: MultibodyPlant, spec: ArmSpec, own: ArmFile) -> tuple[ModelInstanceIndex, JointNumbers]:
+def _add_own(plant: MultibodyPlant, arm: Arm, suffix: str) -> tuple[ModelInstanceIndex, JointNumbers]:
     """An arm of the user's own: its file, then what the scenario says instead of the file."""
-    if own.is_urdf:
-        instance, numbers = _add_urdf(plant, spec)
-        # the scales are in the text
-        spec = ArmSpec(own=own, reflected_inertia_scale=1.0)
+    if suffix == ".urdf":
+        instance, numbers = _add_urdf(plant, arm)
+        arm = arm.model_copy(update=UNSCALED)  # the scales are in the text
     else:
-        if spec.link_inertia_scale != 1.0 or spec.link_inertia_scales is not None:
-            raise InputError(f"arm.link_inertia_scale needs a URDF; valid is 1 for arm.file = '{own.path}'")
+        if arm.link_inertia_scale != 1.0 or arm.link_inertia_scales is not None:
+            raise InputError(f"arm.link_inertia_scale needs a URDF; valid is 1 for arm.file = '{arm.file}'")
         try:
-            instance = Parser(plant).AddModels(own.path)[0]
+            instance = Parser(plant).AddModels(arm.file)[0]
         except (RuntimeError, IndexError) as error:
-            raise own.error(f"cannot be read: {error}") from None
-        _keep_the_chain(plant, instance, own)
+            raise file_error(arm, f"cannot be read: {error}") from None
+        _keep_the_chain(plant, instance, arm)
         numbers = JointNumbers({}, {}, None)
     joints = _moving(plant, instance)
     names = [joint.name() for joint in joints]
-    for field in ("home", "torque_limits", "speed_limits", "reflected_inertia"):
-        given = getattr(own, field)
-        if given is not None and len(given) != len(joints):
-            valid = f"one per joint, {' '.join(names)}"
-            message = f"scenario field 'arm.{field}' = {list(given)} has {len(given)} entries; valid is {valid}"
-            raise InputError(message, field=f"arm.{field}", value=given, valid=valid)
-    peak = _actuate(plant, spec, own, joints, numbers.peak_torque)
-    for joint, limit in zip(joints, own.speed_limits or (), strict=False):
+    for field in OWN_ARM:
+        one_per_joint(f"arm.{field}", getattr(arm, field), names)
+    peak = _actuate(plant, arm, joints, numbers.peak_torque)
+    for joint, limit in zip(joints, arm.speed_limits or (), strict=False):
         joint.set_velocity_limits([-limit], [limit])
-    rated = {} if own.torque_limits else {name: t for name, t in numbers.rated_torque.items() if np.isfinite(t)}
-    home = numbers.home if own.home is None else dict(zip(names, own.home, strict=True))
+    rated = {} if arm.torque_limits else {name: t for name, t in numbers.rated_torque.items() if np.isfinite(t)}
+    home = numbers.home if arm.home is None else dict(zip(names, arm.home, strict=True))
     return instance, JointNumbers({name: rated.get(name, peak[name]) for name in names}, peak, home)
 
 
@@ -114,7 +107,7 @@ def _moving(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[Joint]:
 
 
 def _actuate(
-    plant: MultibodyPlant, spec: ArmSpec, own: ArmFile, joints: Sequence[Joint], peak_in_text: Mapping[str, float]
+    plant: MultibodyPlant, arm: Arm, joints: Sequence[Joint], peak_in_text: Mapping[str, float]
 ) -> dict[str, float]:
     """One actuator a joint, in the order of the joints, which the plant's input then has too; returns their limits
     [N m] by joint name.
@@ -123,17 +116,18 @@ def _actuate(
     actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
     of_file = {actuator.joint().name(): actuator for actuator in actuators}
     limits, gears = {}, {}
-    for k, (name, scale) in enumerate(zip(names, spec.per_joint("reflected_inertia_scales", names), strict=True)):
+    scales = one_per_joint("arm.reflected_inertia_scales", arm.reflected_inertia_scales, names)
+    for k, (name, scale) in enumerate(zip(names, scales, strict=True)):
         peak, ratio, rotor = peak_in_text.get(name, 0.0), 1.0, 0.0
         if actuator := of_file.get(name):
             peak, ratio = actuator.effort_limit(), actuator.default_gear_ratio()
-            rotor = actuator.default_rotor_inertia() * (spec.reflected_inertia_scale * scale)
-        limit = (own.torque_limits[k] if own.torque_limits else peak) * spec.torque_scale
+            rotor = actuator.default_rotor_inertia() * (arm.reflected_inertia_scale * scale)
+        limit = (arm.torque_limits[k] if arm.torque_limits else peak) * arm.torque_scale
         if not (np.isfinite(limit) and limit > 0):
             valid = f"one per joint in the file or in arm.torque_limits, {' '.join(names)}"
-            raise own.error(f"lacks a limit: joint '{name}' has no torque limit; valid is {valid}", valid)
+            raise file_error(arm, f"lacks a limit: joint '{name}' has no torque limit; valid is {valid}", valid)
         limits[name] = float(limit)
-        gears[name] = (1.0, own.reflected_inertia[k]) if own.reflected_inertia else (ratio, rotor)
+        gears[name] = (1.0, arm.reflected_inertia[k]) if arm.reflected_inertia else (ratio, rotor)
     for actuator in actuators:
         plant.RemoveJointActuator(actuator)
     for joint, name in zip(joints, names, strict=True):
@@ -141,23 +135,23 @@ def _actuate(
         ratio, rotor = gears[name]
         actuator.set_default_gear_ratio(ratio)
         actuator.set_default_rotor_inertia(rotor)
-        if spec.speed_scale != 1.0:
+        if arm.speed_scale != 1.0:
             low, high = joint.velocity_lower_limits(), joint.velocity_upper_limits()
-            joint.set_velocity_limits(spec.speed_scale * low, spec.speed_scale * high)
+            joint.set_velocity_limits(arm.speed_scale * low, arm.speed_scale * high)
     return limits
 
 
-def _keep_the_chain(plant: MultibodyPlant, instance: ModelInstanceIndex, own: ArmFile) -> None:
+def _keep_the_chain(plant: MultibodyPlant, instance: ModelInstanceIndex, arm: Arm) -> None:
     """Leave the joints between base and flange: weld others that move, and remove what carries the base itself."""
-    for name in (own.base, own.flange):
+    for name in (arm.base, arm.flange):
         if not plant.HasFrameNamed(name, instance):
-            raise own.error(f"has no link or frame '{name}'; valid is an arm with both")
+            raise file_error(arm, f"has no link or frame '{name}'; valid is an arm with both")
     by_child = {plant.get_joint(i).child_body().index(): plant.get_joint(i) for i in plant.GetJointIndices(instance)}
-    here, base = (plant.GetFrameByName(name, instance).body().index() for name in (own.flange, own.base))
+    here, base = (plant.GetFrameByName(name, instance).body().index() for name in (arm.flange, arm.base))
     chain = set()
     while here != base:
         if here not in by_child:
-            raise own.error(f"is no chain: '{own.flange}' is not carried by '{own.base}'")
+            raise file_error(arm, f"is no chain: '{arm.flange}' is not carried by '{arm.base}'")
         chain.add(by_child[here].name())
         here = by_child[here].parent_body().index()
     for actuator in [plant.get_joint_actuator(i) for i in plant.GetJointActuatorIndices()]:

@@ -13,15 +13,16 @@ import numpy as np
 
 from flipdiagram.arrays import Array
 from flipdiagram.errors import InputError
-from flipdiagram.robot.arm_spec import ArmSpec
+from flipdiagram.robot.arm_spec import one_per_joint
 from flipdiagram.robot.own_files import prepare_urdf
+from flipdiagram.scenario.cell import Arm
+from flipdiagram.scenario.scenario import Scenario
 
 DRAKE = "http://drake.mit.edu"
 ElementTree.register_namespace("drake", DRAKE)
 DRAKE_TAG = f"{{{DRAKE}}}"
 ROTOR_INERTIA = f"{DRAKE_TAG}rotor_inertia"
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-Size = tuple[float, float, float]
 
 BLADE_MASS_SHARE = 0.049 / 0.150  # of the spatula's mass; the rest is the handle, see spatula.urdf
 HANDLE_RADIUS = 0.008  # [m], as in spatula.urdf
@@ -43,24 +44,26 @@ def model_path(name: str) -> Path:
     return path
 
 
-def arm_urdf(spec: ArmSpec) -> str:
+def arm_urdf(arm: Arm) -> str:
     """URDF text of the arm with its numbers scaled."""
-    root = _parse(model_path("mh3f.urdf") if spec.own is None else Path(spec.own.path))
-    if spec.own is not None:
-        prepare_urdf(root, spec.own)
+    root = _parse(model_path("mh3f.urdf") if arm.file is None else Path(arm.file))
+    if arm.file is not None:
+        prepare_urdf(root, arm, Path(arm.file).parent)
     joints = [joint for joint in root.iterfind("joint") if joint.get("type") != "fixed"]
     names = [joint.attrib["name"] for joint in joints]
     factors = [
-        ("link/inertial/mass", ("value",), spec.link_inertia_scale),
-        ("link/inertial/inertia", MOMENTS, spec.link_inertia_scale),
-        (f"transmission/actuator/{ROTOR_INERTIA}", ("value",), spec.reflected_inertia_scale),
-        ("joint/limit", ("velocity",), spec.speed_scale),
-        ("joint/limit", ("effort",), spec.torque_scale),
+        ("link/inertial/mass", ("value",), arm.link_inertia_scale),
+        ("link/inertial/inertia", MOMENTS, arm.link_inertia_scale),
+        (f"transmission/actuator/{ROTOR_INERTIA}", ("value",), arm.reflected_inertia_scale),
+        ("joint/limit", ("velocity",), arm.speed_scale),
+        ("joint/limit", ("effort",), arm.torque_scale),
     ]
-    for joint, factor in zip(joints, spec.per_joint("link_inertia_scales", names), strict=True):
+    scales = one_per_joint("arm.link_inertia_scales", arm.link_inertia_scales, names)
+    for joint, factor in zip(joints, scales, strict=True):
         inertial = f"link[@name='{_find(joint, 'child').attrib['link']}']/inertial"
         factors += [(f"{inertial}/mass", ("value",), factor), (f"{inertial}/inertia", MOMENTS, factor)]
-    for name, factor in zip(names, spec.per_joint("reflected_inertia_scales", names), strict=True):
+    scales = one_per_joint("arm.reflected_inertia_scales", arm.reflected_inertia_scales, names)
+    for name, factor in zip(names, scales, strict=True):
         factors += [(f"transmission/joint[@name='{name}']/../actuator/{ROTOR_INERTIA}", ("value",), factor)]
     for path, attributes, factor in factors:
         for element in root.iterfind(path):
@@ -69,66 +72,53 @@ def arm_urdf(spec: ArmSpec) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def spatula_urdf(*, blade_size: Size, tool_length: float, mass: float, friction: float) -> str:
-    """URDF text of the spatula with other numbers than spatula.urdf.
+def spatula_urdf(scenario: Scenario) -> str:
+    """URDF text of the spatula with the scenario's numbers; its friction is that of the object.
 
     The inertia follows: blade = homogeneous box, handle = rod from the flange to the blade.
-
-    Args:
-        blade_size: along the handle, across it, thickness [m].
-        tool_length: flange to the centre of the blade's top surface [m].
-        mass: of the whole spatula [kg].
-        friction: static coefficient on the object.
     """
-    root = _parse(model_path("spatula.urdf"))
-    length, thickness = tool_length, blade_size[2]
-    handle = length - blade_size[0] / 2
+    root, tool = _parse(model_path("spatula.urdf")), scenario.tool
+    length, thickness, mass = tool.reach, tool.blade_thickness, tool.mass
+    handle = length - tool.blade_length / 2
     if handle <= 0:
-        valid = f"more than half the blade, {blade_size[0] / 2} m"
-        message = f"tool_length = {length} m leaves no handle; valid is {valid}"
-        raise InputError(message, field="tool_length", value=length, valid=valid)
+        valid = f"more than half the blade, {tool.blade_length / 2} m"
+        raise InputError.of("tool.reach", length, valid, f"tool.reach = {length} m leaves no handle")
     blade_centre = f"{length!r} 0 {-thickness / 2!r}"
     for path in ("link/visual[@name='blade']", "link/collision"):
         _set(root, f"{path}/origin", xyz=blade_centre)
-        _set(root, f"{path}/geometry/box", size=spaced(blade_size))
+        _set(root, f"{path}/geometry/box", size=spaced(tool.blade_size))
     _set(root, "frame", xyz=f"{length!r} 0 0")
     _set(root, "link/visual[@name='handle']/origin", xyz=f"{handle / 2!r} 0 {-thickness / 2!r}")
     _set(root, "link/visual[@name='handle']/geometry/cylinder", length=repr(handle))
     _set(root, "link/visual[@name='neck']/origin", xyz=f"{handle - 0.005!r} 0 {-thickness - 0.002!r}")
     for kind in ("mu_static", "mu_dynamic"):
-        _set(root, f".//{DRAKE_TAG}{kind}", value=repr(friction))
+        _set(root, f".//{DRAKE_TAG}{kind}", value=repr(scenario.object.friction))
 
     blade_mass, handle_mass = BLADE_MASS_SHARE * mass, (1 - BLADE_MASS_SHARE) * mass
     centre = BLADE_MASS_SHARE * length + (1 - BLADE_MASS_SHARE) * handle / 2
     across = handle_mass / 12 * (3 * HANDLE_RADIUS**2 + handle**2)
     rod = np.array([handle_mass / 2 * HANDLE_RADIUS**2, across, across])
     apart = blade_mass * handle_mass / mass * (length - handle / 2) ** 2  # two bodies about their common COM
-    moments = (box_inertia(blade_mass, blade_size) + rod + np.array([0.0, apart, apart])).tolist()
+    moments = (box_inertia(blade_mass, tool.blade_size) + rod + np.array([0.0, apart, apart])).tolist()
     _set(root, "link/inertial/origin", xyz=f"{centre!r} 0 {-thickness / 2!r}")
     _set(root, "link/inertial/mass", value=repr(mass))
     _set(root, "link/inertial/inertia", **dict(zip(MOMENTS, map(repr, moments), strict=False)))
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def block_sdf(*, size: Size, mass: float, friction: float, modulus: float, dissipation: float) -> str:
-    """SDF text of the object, a homogeneous box, with other numbers than block.sdf.
-
-    Args:
-        size: x, y, z [m] in the block's frame: y along the tool's tangent, z the thickness.
-        mass: [kg].
-        friction: static coefficient.
-        modulus: hydroelastic modulus [Pa].
-        dissipation: of Hunt and Crossley [s/m].
-    """
-    moments = dict(zip(MOMENTS, box_inertia(mass, size).tolist(), strict=False))
+def block_sdf(scenario: Scenario) -> str:
+    """SDF text of the object, a homogeneous box, with the scenario's numbers and the mass that it really has."""
+    block, physics = scenario.object, scenario.simulation
+    mass = block.mass * scenario.disturbance.object_mass_scale
     numbers = {
         "mass": mass,
-        **moments,
-        **{f"{DRAKE_TAG}{kind}": friction for kind in ("mu_static", "mu_dynamic")},
-        f"{DRAKE_TAG}hydroelastic_modulus": modulus,
-        f"{DRAKE_TAG}hunt_crossley_dissipation": dissipation,
+        **dict(zip(MOMENTS, box_inertia(mass, block.size).tolist(), strict=False)),
+        **{f"{DRAKE_TAG}{kind}": block.friction for kind in ("mu_static", "mu_dynamic")},
+        f"{DRAKE_TAG}hydroelastic_modulus": physics.hydroelastic_modulus,
+        f"{DRAKE_TAG}hunt_crossley_dissipation": physics.dissipation,
     }
-    return _filled("block.sdf", {"box/size": spaced(size)} | {tag: repr(number) for tag, number in numbers.items()})
+    texts = {"box/size": spaced(block.size)} | {tag: repr(number) for tag, number in numbers.items()}
+    return _filled("block.sdf", texts)
 
 
 def table_sdf(friction: float) -> str:

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from flipdiagram.robot.arm_spec import ArmFile
+from flipdiagram.robot.arm_spec import file_error
+from flipdiagram.scenario.cell import Arm
 
 DRAWABLE = (".obj", ".gltf", ".vtk")
 """Kinds of mesh that Drake draws."""
@@ -27,21 +28,24 @@ class JointNumbers:
     home: dict[str, float] | None  # [rad] attribute `home`, the middle of the range where one is missing; None: all are
 
 
-def prepare_urdf(root: ElementTree.Element, own: ArmFile) -> None:
-    """Change a URDF's tree in place as the module says; InputError without base, flange or a chain between them."""
+def prepare_urdf(root: ElementTree.Element, arm: Arm, folder: Path) -> None:
+    """Change a URDF's tree, from a file in a folder, in place as the module says.
+
+    InputError without base, flange or a chain between them.
+    """
     joints = list(root.iterfind("joint"))
     by_child = {_link(joint, "child"): joint for joint in joints}
     links = {link.attrib["name"]: link for link in root.iterfind("link")}
     frames = {frame.attrib["name"]: frame.attrib.get("link", "") for frame in root.iterfind("frame")}
-    base, flange = own.base, own.flange
+    base, flange = arm.base, arm.flange
     for name in (base, flange):
         if name not in links and name not in frames:
-            raise own.error(f"has no link or frame '{name}'; choose from {', '.join([*links, *frames])}")
+            raise file_error(arm, f"has no link or frame '{name}'; choose from {', '.join([*links, *frames])}")
     chain: list[ElementTree.Element] = []
     here, root_link = frames.get(flange, flange), frames.get(base, base)
     while here != root_link:
         if here not in by_child:
-            raise own.error(f"is no chain: '{flange}' is not carried by '{base}'; valid is one that is")
+            raise file_error(arm, f"is no chain: '{flange}' is not carried by '{base}'; valid is one that is")
         chain.insert(0, by_child[here])
         here = _link(chain[0], "parent")
     if root_link in by_child:  # such as a joint that fixes the base to the world: its place is the scenario's
@@ -57,7 +61,7 @@ def prepare_urdf(root: ElementTree.Element, own: ArmFile) -> None:
         if driven is None or driven.attrib.get("name") not in moving:
             root.remove(transmission)
     for name, link in links.items():
-        _show_simply(link, [joint for joint in joints if _link(joint, "parent") == name], Path(own.path).parent)
+        _show_simply(link, [joint for joint in joints if _link(joint, "parent") == name], folder)
 
 
 def joint_numbers(urdf: str) -> JointNumbers:

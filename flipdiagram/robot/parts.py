@@ -1,7 +1,7 @@
 """The parts of a scenario: arm with its spatula, block and table, for planner, controller, cell and pictures alike."""
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 from pydrake.geometry import GeometrySet
@@ -12,10 +12,9 @@ from pydrake.multibody.tree import BodyIndex, RigidBody, SpatialInertia
 
 from flipdiagram.errors import InputError
 from flipdiagram.robot.arm import ArmModel
-from flipdiagram.robot.arm_spec import ArmFile, ArmSpec
+from flipdiagram.robot.arm_spec import ArmSpec
 from flipdiagram.robot.assembly import ArmHandles, add_arm
 from flipdiagram.robot.model_files import block_sdf, spatula_urdf, table_sdf
-from flipdiagram.scenario.cell import OWN_ARM
 from flipdiagram.scenario.scenario import Scenario
 
 MASS_TOLERANCE = 0.01
@@ -43,7 +42,7 @@ def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
     arm = add_arm(plant, _arm_spec(scenario))
     if scenario.disturbance.payload > 0:
         _add_payload(plant, arm, scenario.disturbance.payload)
-    block = _add_own_object(plant, scenario) if scenario.object.file else _only_body(plant, _block(scenario))
+    block = _add_own_object(plant, scenario) if scenario.object.file else _only_body(plant, block_sdf(scenario))
     table = _only_body(plant, table_sdf(scenario.table.friction))
     height = scenario.table.height + scenario.disturbance.table_error
     X_WT = RigidTransform([scenario.task.start_x, scenario.task.target_y, height])
@@ -55,17 +54,6 @@ def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
 def _only_body(plant: MultibodyPlant, sdf: str) -> RigidBody:
     (model,) = Parser(plant).AddModelsFromString(sdf, "sdf")
     return plant.get_body(plant.GetBodyIndices(model)[0])
-
-
-def _block(scenario: Scenario) -> str:
-    block, physics = scenario.object, scenario.simulation
-    return block_sdf(
-        size=block.size,
-        mass=block.mass * scenario.disturbance.object_mass_scale,
-        friction=block.friction,
-        modulus=physics.hydroelastic_modulus,
-        dissipation=physics.dissipation,
-    )
 
 
 def _add_own_object(plant: MultibodyPlant, scenario: Scenario) -> RigidBody:
@@ -124,20 +112,16 @@ def _add_payload(plant: MultibodyPlant, arm: ArmHandles, mass: float) -> None:
 
 def _spatula(scenario: Scenario) -> str:
     """The text of the tool: the spatula with the scenario's numbers, or a file of the user's own."""
-    tool, friction = scenario.tool, scenario.object.friction
-    if tool.file is None:
-        return spatula_urdf(blade_size=tool.blade_size, tool_length=tool.reach, mass=tool.mass, friction=friction)
+    file = scenario.tool.file
+    if file is None:
+        return spatula_urdf(scenario)
     try:
-        return Path(tool.file).read_text(encoding="utf-8")
+        return Path(file).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        message = f"tool.file = '{tool.file}' cannot be read: {error}"
-        raise InputError(message, field="tool.file", value=tool.file) from None
+        message = f"tool.file = '{file}' cannot be read: {error}"
+        raise InputError(message, field="tool.file", value=file) from None
 
 
 def _arm_spec(scenario: Scenario) -> ArmSpec:
-    arm, own = scenario.arm, None
-    if arm.file is not None:
-        own = ArmFile(arm.file, arm.base, arm.flange, arm.mount_angle, **{name: getattr(arm, name) for name in OWN_ARM})
-    height, pose = scenario.object.thickness / 2, base_in_plane(scenario)
-    scales = {f.name: getattr(arm, f.name) for f in fields(ArmSpec) if "scale" in f.name}
-    return ArmSpec(tool_height=height, own=own, spatula=_spatula(scenario), base_pose=pose, **scales)
+    arm = scenario.arm.model_copy(update={"base_pose": base_in_plane(scenario)})
+    return ArmSpec(arm, scenario.object.thickness / 2, _spatula(scenario))

@@ -14,8 +14,9 @@ from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.convexification import Convexification
 from flipdiagram.planning.limits import SPEED, TORQUE
 from flipdiagram.robot.arm import ArmModel
-from flipdiagram.robot.arm_spec import ArmFile, ArmSpec
+from flipdiagram.robot.arm_spec import ArmSpec
 from flipdiagram.robot.native_arm import NativeArm, native_arm
+from flipdiagram.scenario.cell import Arm
 from flipdiagram.scenario.scenario import Scenario
 
 X = 0.5
@@ -24,18 +25,23 @@ ROTORS = (0.6, 0.6, 0.5, 0.5, 0.2, 0.2, 0.2)
 ARMS = {
     "MH3F": {},
     "turned base": {"base_pose": (0.1, -0.2, 0.3, 0.4), "link_inertia_scales": (1.5, 0.5, 1, 2, 1, 1)},
-    "UR5": {"own": ArmFile(package_file("ur_description/urdf/ur5_joint_limited_robot.urdf"), "base_link", "tool0")},
+    "UR5": {
+        "file": package_file("ur_description/urdf/ur5_joint_limited_robot.urdf"),
+        "base": "base_link",
+        "flange": "tool0",
+    },
     "Panda": {
-        "own": ArmFile(
-            package_file("panda_description/urdf/panda.urdf"), "panda_link0", "panda_link8", reflected_inertia=ROTORS
-        )
+        "file": package_file("panda_description/urdf/panda.urdf"),
+        "base": "panda_link0",
+        "flange": "panda_link8",
+        "reflected_inertia": ROTORS,
     },
 }
 
 
 @pytest.fixture(scope="module", params=ARMS)
 def any_arm(request):
-    return ArmModel(ArmSpec(**ARMS[request.param]))
+    return ArmModel(ArmSpec(Arm(**ARMS[request.param])))
 
 
 def test_task_kinematics_as_machine_code_are_those_of_drake(any_arm):
@@ -115,9 +121,7 @@ SCENARIOS = {
 @pytest.mark.parametrize("fields", SCENARIOS.values(), ids=SCENARIOS)
 def test_all_rows_by_machine_code_are_those_by_numpy_and_drake(fields, shift):
     scenario = Scenario().with_overrides({**fields, "planner.solver": "daqp"})
-    horizons = Convexification(
-        scenario, ArmModel(ArmSpec(tool_height=scenario.object.thickness / 2, torque_scale=scenario.arm.torque_scale))
-    )
+    horizons = Convexification(scenario, ArmModel(ArmSpec(scenario.arm, scenario.object.thickness / 2)))
     point = horizons.guess(24, 5)
     rng = np.random.default_rng(1)
     first = horizons.layout.release - 24

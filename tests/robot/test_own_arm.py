@@ -10,8 +10,9 @@ from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import InputError, PlanningError
 from flipdiagram.planning import plan_motion
 from flipdiagram.robot.arm import ArmModel
-from flipdiagram.robot.arm_spec import ArmFile, ArmSpec
+from flipdiagram.robot.arm_spec import ArmSpec
 from flipdiagram.robot.model_files import block_sdf, spatula_urdf
+from flipdiagram.scenario.cell import Arm
 from flipdiagram.scenario.scenario import Scenario, load
 from flipdiagram.simulation.metrics import measure
 from flipdiagram.simulation.simulate import simulate
@@ -95,8 +96,14 @@ FORMATS = {"arm.urdf": urdf, "arm.sdf": sdf, "arm.xml": mjcf}
 
 def arm_of(folder, name, base_pose=(0.0, 0.0, 0.0, 0.0), **options):
     (folder / name).write_text(FORMATS[name](), encoding="utf-8")
-    own = ArmFile(str(folder / name), "base", "tcp", home=HOME, **({"mount_angle": np.pi} | LIMITS | options))
-    return ArmModel(ArmSpec(own=own, reflected_inertia_scale=1.0, base_pose=base_pose))
+    fields = {
+        "flange": "tcp",
+        "home": HOME,
+        "mount_angle": np.pi,
+        "reflected_inertia_scale": 1.0,
+        "base_pose": base_pose,
+    }
+    return ArmModel(ArmSpec(Arm(file=str(folder / name), **(fields | LIMITS | options))))
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -220,20 +227,11 @@ def test_a_sdf_cannot_scale_its_links(tmp_path):
         build_loop(Scenario().with_overrides(fields))
 
 
-def the_block(mass):
-    block = Scenario().object
-    size = (block.width, block.length, block.thickness)
-    return block_sdf(size=size, mass=mass, friction=block.friction, modulus=1e6, dissipation=20.0)
-
-
 def test_our_tool_and_block_as_files_give_the_same_run(tmp_path):
     """A scenario file names them relative to itself."""
     default, short = Scenario(), {"simulation.hold_time": 0.05, "simulation.settle_time": 0.0}
-    thing, tool = default.object, default.tool
-    (tmp_path / "block.sdf").write_text(the_block(thing.mass))
-    blade = (tool.blade_length, tool.blade_width, tool.blade_thickness)
-    text = spatula_urdf(blade_size=blade, tool_length=tool.reach, mass=tool.mass, friction=thing.friction)
-    (tmp_path / "spatula.urdf").write_text(text)
+    (tmp_path / "block.sdf").write_text(block_sdf(default))
+    (tmp_path / "spatula.urdf").write_text(spatula_urdf(default))
     (tmp_path / "mine.yaml").write_text("tool: {file: spatula.urdf}\nobject: {file: block.sdf}\n")
     plan = default_plan()
     ours = simulate(default.with_overrides(short), "pd", plan).recording
@@ -243,6 +241,6 @@ def test_our_tool_and_block_as_files_give_the_same_run(tmp_path):
 
 
 def test_an_object_that_weighs_something_else_is_refused(tmp_path):
-    (tmp_path / "block.sdf").write_text(the_block(0.2))
+    (tmp_path / "block.sdf").write_text(block_sdf(Scenario().with_overrides({"object.mass": 0.2})))
     with pytest.raises(InputError, match=r"weighs 0.2 kg; valid is object.mass = 0.061 kg"):
         build_loop(Scenario().with_overrides({"object.file": str(tmp_path / "block.sdf")}))

@@ -14,12 +14,12 @@ from pydrake.systems.framework import DiagramBuilder
 from flipdiagram.errors import InputError
 from flipdiagram.robot import model_files
 from flipdiagram.robot.own_files import joint_numbers
+from flipdiagram.scenario.scenario import Scenario
 
 FILES = ("mh3f.urdf", "spatula.urdf", "block.sdf", "table.sdf")
 DRAKE = "{http://drake.mit.edu}"
-SPATULA = {"blade_size": (0.10, 0.09, 0.002), "tool_length": 0.14, "mass": 0.15, "friction": 1.86}
-BLOCK = {"size": (0.062, 0.065, 0.010), "mass": 0.061, "friction": 1.86, "modulus": 1e6, "dissipation": 20.0}
-"""The numbers of the files, which are the scenario's defaults."""
+DEFAULT = Scenario()
+"""Its numbers are those of the files."""
 
 
 def text_of(name):
@@ -122,7 +122,7 @@ def test_home_lies_inside_the_limits_and_a_joint_without_it_gets_the_middle():
 
 def test_spatula_inertia_in_the_file_is_that_of_its_shape():
     """File and formula agree, and the formula agrees with a blade and a rod put together by hand."""
-    for text in (text_of("spatula.urdf"), model_files.spatula_urdf(**SPATULA)):
+    for text in (text_of("spatula.urdf"), model_files.spatula_urdf(DEFAULT)):
         plant, instance = parsed(text, "urdf")
         inertia = plant.GetBodyByName("spatula").default_spatial_inertia()
         blade, handle = 0.049, 0.101
@@ -137,7 +137,11 @@ def test_spatula_inertia_in_the_file_is_that_of_its_shape():
 
 
 def test_spatula_takes_the_scenarios_numbers():
-    text = model_files.spatula_urdf(blade_size=(0.12, 0.08, 0.003), tool_length=0.2, mass=0.3, friction=0.5)
+    tool = {"blade_length": 0.12, "blade_width": 0.08, "blade_thickness": 0.003, "reach": 0.2, "mass": 0.3}
+    scenario = DEFAULT.with_overrides(
+        {f"tool.{name}": value for name, value in tool.items()} | {"object.friction": 0.5}
+    )
+    text = model_files.spatula_urdf(scenario)
     plant, _ = parsed(text, "urdf")
     context = plant.CreateDefaultContext()
     T_in_body = plant.GetFrameByName("tool").CalcPose(context, plant.GetFrameByName("spatula"))
@@ -151,7 +155,7 @@ def test_spatula_takes_the_scenarios_numbers():
 
 
 def test_block_is_a_homogeneous_box_of_the_papers_size():
-    for text in (text_of("block.sdf"), model_files.block_sdf(**BLOCK)):
+    for text in (text_of("block.sdf"), model_files.block_sdf(DEFAULT)):
         plant, _ = parsed(text, "sdf")
         inertia = plant.GetBodyByName("block").default_spatial_inertia()
         assert inertia.get_mass() == 0.061
@@ -161,10 +165,14 @@ def test_block_is_a_homogeneous_box_of_the_papers_size():
 
 
 def test_block_takes_the_scenarios_numbers():
-    text = model_files.block_sdf(size=(0.1, 0.2, 0.02), mass=0.5, friction=0.3, modulus=2e5, dissipation=5.0)
+    block = {"width": 0.1, "length": 0.08, "thickness": 0.02, "mass": 0.25, "friction": 0.3}
+    unknown = {"disturbance.object_mass_scale": 2.0}
+    physics = {"simulation.hydroelastic_modulus": 2e5, "simulation.dissipation": 5.0}
+    objects = {f"object.{name}": value for name, value in block.items()}
+    text = model_files.block_sdf(DEFAULT.with_overrides(objects | unknown | physics))
     root = ElementTree.fromstring(text)
-    assert [e.text for e in root.iter("size")] == ["0.1 0.2 0.02"] * 2
-    assert float(root.find(".//ixx").text) == pytest.approx(0.5 / 12 * (0.2**2 + 0.02**2))
+    assert [e.text for e in root.iter("size")] == ["0.1 0.08 0.02"] * 2
+    assert float(root.find(".//ixx").text) == pytest.approx(0.5 / 12 * (0.08**2 + 0.02**2))
     contact = {e.tag.removeprefix(DRAKE): e.text for e in root.iter() if e.tag.startswith(DRAKE) and e.text}
     assert contact["mu_static"] == contact["mu_dynamic"] == "0.3"
     assert float(contact["hydroelastic_modulus"]) == 2e5 and float(contact["hunt_crossley_dissipation"]) == 5
@@ -181,8 +189,8 @@ def test_bad_numbers_are_named():
     with pytest.raises(InputError, match="no model file 'mh5.urdf'; choose from .*mh3f.urdf, spatula.urdf"):
         model_files.model_path("mh5.urdf")
     with pytest.raises(InputError, match="leaves no handle; valid is more than half the blade, 0.05 m") as caught:
-        model_files.spatula_urdf(**SPATULA | {"tool_length": 0.05})
-    assert (caught.value.field, caught.value.value) == ("tool_length", 0.05)
+        model_files.spatula_urdf(DEFAULT.with_overrides({"tool.reach": 0.05}))
+    assert (caught.value.field, caught.value.value) == ("tool.reach", 0.05)
 
 
 def test_files_are_found_in_a_checkout_and_in_a_wheel(monkeypatch, tmp_path):
