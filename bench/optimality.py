@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bench.contenders import casadi_plan
-from bench.replan import DEVIATION, Array, decision, joint_rows, moving, program_of
+from bench.replan import DEVIATION, Array, decision, joint_rows, moving
 from bench.results import Section, Target
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import Planner
@@ -99,7 +99,7 @@ def _in_motion(planner: Planner, plan: Plan, failed: list[int]) -> Iterator[Case
     rng, scenario, arm = np.random.default_rng(1), planner.scenario, planner.arm
     path = arm.inverse_kinematics_path(task_pose(plan.states, scenario.task.start_x), planner.q_start)
     replanner = Replanner(scenario, arm)
-    replanner.horizons._program = program_of(replanner.horizons, "daqp")  # type: ignore[assignment]
+    replanner.horizons._program = replanner.horizons.program("daqp")  # type: ignore[assignment]
     while True:
         passed = int(rng.integers(2, plan.n_contact - 4))
         state = plan.states[passed] + DEVIATION * rng.normal(size=6)
@@ -133,7 +133,7 @@ def _at_rest(scenario: Scenario, arm: ArmModel, plan: Plan, failed: list[int]) -
         y = float(rng.uniform(-REACH, REACH)) + scenario.task.target_y
         moved = scenario.with_overrides({"task.start_y": y})
         horizons = Convexification(moved, arm)
-        horizons._program = program_of(horizons, "daqp")  # type: ignore[assignment]
+        horizons._program = horizons.program("daqp")  # type: ignore[assignment]
         try:
             guess = horizons.guess(plan.n_contact, plan.n_flight)
             yield compare(horizons, guess, moving(horizons, guess), f"at rest, y = {y:+.3f} m", None)

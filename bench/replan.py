@@ -22,9 +22,9 @@ from bench.timing import SelfTimes, in_turn, timed
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import Planner, limits
 from flipdiagram.planning.arm_motion import ArmMotion, task_pose
-from flipdiagram.planning.condensed import CondensedProgram, Program, make_program
+from flipdiagram.planning.condensed import CondensedProgram
 from flipdiagram.planning.constraints import Trajectory
-from flipdiagram.planning.convexification import Convexification
+from flipdiagram.planning.convexification import Convexification, Program
 from flipdiagram.planning.dense import EQUALITY, TOLERANCE, load_daqp
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.plan import Plan
@@ -82,12 +82,6 @@ class Replan:
     plan: Plan
 
 
-def program_of(horizons: Convexification, solver: str) -> Program:
-    """A program for these horizons by another solver."""
-    settings = horizons.scenario.planner
-    return make_program(horizons.layout, settings.sampling_time, horizons.cost, settings.smoothing, solver)
-
-
 def followed(intervals: int) -> tuple[Scenario, Plan]:
     """A scenario whose program has `intervals` intervals, and a plan of which as many are left after `PASSED`."""
     contact = intervals - BRAKE
@@ -99,7 +93,7 @@ def followed(intervals: int) -> tuple[Scenario, Plan]:
 def replans(replanner: Replanner, plan: Plan, count: int, seed: int = 0) -> tuple[list[Replan], int]:
     """`count` replans from random deviations, with the condensed program; and how many others found no motion."""
     rng, found, failed = np.random.default_rng(seed), list[Replan](), 0
-    recorder = Recorder(program_of(replanner.horizons, "daqp"))
+    recorder = Recorder(replanner.horizons.program("daqp"))
     replanner.horizons._program = recorder  # type: ignore[assignment]
     scenario = replanner.scenario
     q_path = replanner.arm.inverse_kinematics_path(
@@ -125,7 +119,7 @@ def measure(intervals: int, repetitions: int, starts: int = STARTS) -> Section:
     scenario, plan = followed(intervals)
     replanner = Replanner(scenario, arm_of(scenario))
     found, failed = replans(replanner, plan, starts)
-    fast, drake = (program_of(replanner.horizons, solver) for solver in ("daqp", "clarabel"))
+    fast, drake = (replanner.horizons.program(solver) for solver in ("daqp", "clarabel"))
     assert isinstance(fast, CondensedProgram) and isinstance(drake, HorizonProgram)
     worst, problems = 0.0, []
     for call in [call for item in found for call in item.calls]:

@@ -10,7 +10,6 @@ left for each solve is to multiply the rows by that matrix, and DAQP, which star
 
 import math
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -22,14 +21,10 @@ from flipdiagram.planning import dense
 from flipdiagram.planning.dense import DenseProgram
 from flipdiagram.planning.horizon import INPUTS, STATES, STRIDE, Layout
 from flipdiagram.planning.model import LandingCost, flight
-from flipdiagram.planning.program import FREE_TRUST, TRUST_LENGTH, TURNING_RADIUS, HorizonProgram, Solution
+from flipdiagram.planning.program import FREE_TRUST, TRUST_LENGTH, TURNING_RADIUS, Solution
 from flipdiagram.planning.rows import Rows
 from flipdiagram.robot.jit import compiled
 
-CONDENSED = "daqp"
-"""`planner.solver` by which the condensed program is chosen."""
-ELASTIC = "clarabel"
-"""Solver of the elastic program where the plain one is the condensed program."""
 AXES = 3
 EQUALITIES = 1 + AXES
 """Landing height, and the tool's last velocity."""
@@ -146,28 +141,6 @@ class CondensedProgram:
         samples = np.arange(self.layout.release - n_contact + 1, self.layout.intervals + 1)
         poses = STRIDE * samples[:, None] + np.arange(AXES)
         return Horizon(map_, weight, residual, gradient, poses[:, 2], poses.ravel())
-
-
-Program = HorizonProgram | CondensedProgram
-
-
-def make_program(
-    layout: Layout,
-    sampling_time: float,
-    cost: LandingCost,
-    smoothing: float,
-    solver: str = "clarabel",
-    elastic_groups: Sequence[str] = (),
-) -> Program:
-    """The program of that `planner.solver`, built once for a layout and ΔT [s]; smoothing [s⁵/m²].
-
-    An elastic program has slacks, which only Drake's programs offer: for "daqp" it is one with Clarabel.  Raises
-    InputError where the solver is not built in, has no licence, or its package is not installed.
-    """
-    if solver == CONDENSED and not elastic_groups:
-        return CondensedProgram(layout, sampling_time, cost, smoothing)
-    solver = ELASTIC if solver == CONDENSED else solver
-    return HorizonProgram(layout, sampling_time, cost, smoothing, solver, elastic_groups)
 
 
 def unit_smoothing_basis(layout: Layout, sampling_time: float, smoothing: float) -> Floats:

@@ -29,6 +29,7 @@ SEPARATION = "separation of blade and block"
 CLEARANCE = "table clearance"
 WORKSPACE = "workspace"
 RELEASE = "release angle"
+GROUPS = (FRICTION, NORMAL, SUPPORT, RELEASE, WORKSPACE, CLEARANCE, SEPARATION)
 
 
 @dataclass(frozen=True)

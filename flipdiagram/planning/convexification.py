@@ -1,7 +1,7 @@
 """Successive convexification of one horizon: linearise, solve the quadratic program, again until θ settles."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -11,29 +11,23 @@ from flipdiagram.arrays import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import constraints, limits
 from flipdiagram.planning.arm_motion import JointMotion, arm_motion, task_pose
-from flipdiagram.planning.condensed import CONDENSED, Program, make_program
+from flipdiagram.planning.condensed import CondensedProgram
 from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.model import LandingCost, flight
 from flipdiagram.planning.plan import Plan
-from flipdiagram.planning.program import Solution
+from flipdiagram.planning.program import HorizonProgram, Solution
 from flipdiagram.planning.rows import Linearisation, Rows
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.theory import contact
 
-GROUPS = (
-    constraints.FRICTION,
-    constraints.NORMAL,
-    constraints.SUPPORT,
-    constraints.RELEASE,
-    constraints.WORKSPACE,
-    constraints.CLEARANCE,
-    constraints.SEPARATION,
-    limits.POSITION,
-    limits.SPEED,
-    limits.TORQUE,
-)
+Program = HorizonProgram | CondensedProgram
+CONDENSED = "daqp"
+"""`planner.solver` by which the condensed program is chosen."""
+ELASTIC = "clarabel"
+"""Solver of the elastic program where the plain one is the condensed program."""
+GROUPS = (*constraints.GROUPS, *limits.KINDS)
 FIRST_TRUST = 1.0
 """Trust radius on θ [rad] of the first linearisation; halved whenever the iterates move apart."""
 LEAST_TRUST = 1e-3
@@ -89,32 +83,33 @@ class Convexification:
         self.start = np.array([task.start_y, task.start_z, 0.0, 0.0, 0.0, 0.0])
         self.shift, self._in_motion = 0.0, False
         self.program_times: list[float] = []
-        self._program = self._build(())
+        self._program = self.program(settings.solver)
         self._native = settings.solver == CONDENSED if native is None else native
         self.motion = arm_motion(arm, task.start_x, self._native)
         self._linearisation = lru_cache(CACHED)(self._make_linearisation)
-        self._q_start: Floats | None = None
         if self._native:  # whatever is to be compiled is compiled now, not in the middle of a motion
             self._linearisation(self.layout.release, 1, 0.0).at(np.zeros(self.layout.size))
 
+    def program(self, solver: str, elastic_groups: Sequence[str] = ()) -> Program:
+        """The program of a `planner.solver`; with elastic groups it has slacks, which only Drake's programs offer.
+
+        Raises InputError where the solver is not built in, has no licence, or its package is not installed.
+        """
+        numbers = self.layout, self.scenario.planner.sampling_time, self.cost, self.scenario.planner.smoothing
+        if solver == CONDENSED and not elastic_groups:
+            return CondensedProgram(*numbers)
+        return HorizonProgram(*numbers, ELASTIC if solver == CONDENSED else solver, elastic_groups)
+
     @cached_property
     def _elastic(self) -> Program:
-        return self._build(GROUPS)
+        return self.program(self.scenario.planner.solver, GROUPS)
 
-    def _build(self, elastic_groups: tuple[str, ...]) -> Program:
-        settings = self.scenario.planner
-        return make_program(
-            self.layout, settings.sampling_time, self.cost, settings.smoothing, settings.solver, elastic_groups
-        )
-
-    @property
+    @cached_property
     def q_start(self) -> Floats:
         """Joint angles at the start of the motion [rad]; raises PlanningError where the arm cannot be there."""
-        if self._q_start is None:
-            pose = task_pose(self.start, self.scenario.task.start_x)
-            turned = [pose + [0.0, 0.0, angle, 0.0, 0.0, 0.0] for angle in TURN]
-            self._q_start = self.arm.inverse_kinematics(pose, through=turned)
-        return self._q_start
+        pose = task_pose(self.start, self.scenario.task.start_x)
+        turned = [pose + [0.0, 0.0, angle, 0.0, 0.0, 0.0] for angle in TURN]
+        return self.arm.inverse_kinematics(pose, through=turned)
 
     def restart(self, state: Floats, q_seed: Floats, shift: float = 0.0) -> None:
         """Begin at another state x̂ (6,) of the object, in motion; q_seed (n,) [rad] are joint angles near it.
@@ -124,7 +119,7 @@ class Convexification:
         """
         self.start, self.shift, self._in_motion = state, shift, True
         tool = self._tool(state[None, :])[0]
-        self._q_start = self.motion.joint_angles(task_pose(tool, self.scenario.task.start_x), q_seed)
+        self.q_start = self.motion.joint_angles(task_pose(tool, self.scenario.task.start_x), q_seed)
 
     def _tool(self, states: Floats) -> Floats:
         """States (..., 6) of the tool's control point under an object with these states; velocities as they are."""

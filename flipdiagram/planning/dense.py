@@ -74,13 +74,8 @@ def load_daqp() -> Any:
     try:
         return import_module("daqp")
     except ImportError:
-        raise InputError(
-            "scenario field 'planner.solver' = 'daqp' needs the package daqp: pip install 'flipdiagram[fast]';"
-            " valid without it is clarabel",
-            field="planner.solver",
-            value="daqp",
-            valid="clarabel",
-        ) from None
+        problem = "scenario field 'planner.solver' = 'daqp' needs the package daqp: pip install 'flipdiagram[fast]'"
+        raise InputError.of("planner.solver", "daqp", "clarabel without it", problem) from None
 
 
 def minimise(program: DenseProgram) -> Minimum:

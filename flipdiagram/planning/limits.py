@@ -20,6 +20,7 @@ from flipdiagram.scenario.scenario import Scenario
 POSITION = "joint position limit"
 SPEED = "joint speed limit"
 TORQUE = "joint torque limit"
+KINDS = (POSITION, SPEED, TORQUE)
 
 NEAR = 0.5
 """Fraction of a limit above which a joint's rows enter the program."""
@@ -59,7 +60,7 @@ class Allowed:
 
     def tightened(self, uses: Mapping[str, Floats]) -> "Allowed":
         """Less of each kind of limit that a motion exceeds (use > 1) between its samples."""
-        position, speed, torque = (max(1.0, float(np.max(uses[kind]))) for kind in (POSITION, SPEED, TORQUE))
+        position, speed, torque = (max(1.0, float(np.max(uses[kind]))) for kind in KINDS)
         return replace(self, half=self.half / position, speed=self.speed / speed, torque=self.torque / torque)
 
 

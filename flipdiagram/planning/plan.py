@@ -91,10 +91,8 @@ class Plan:
         """When the tool has come to rest [s]."""
         return (self.n_contact + self.n_brake) * self.sampling_time
 
-    @property
-    def end_time(self) -> float:
-        """The same, by the name that a `Command` has for it."""
-        return self.duration
+    end_time = duration
+    """The same, by the name that a `Command` has for it."""
 
     @property
     def release(self) -> Floats:

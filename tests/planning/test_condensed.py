@@ -11,7 +11,7 @@ from scipy.optimize import nnls
 
 from flipdiagram.errors import InputError
 from flipdiagram.planning import Planner, dense
-from flipdiagram.planning.condensed import CondensedProgram, make_program, unit_smoothing_basis
+from flipdiagram.planning.condensed import CondensedProgram, unit_smoothing_basis
 from flipdiagram.planning.convexification import GROUPS, Convexification
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.model import flight
@@ -38,8 +38,7 @@ def linearisations(scenario):
 
 
 def build(planner, solver):
-    settings, horizons = planner.scenario.planner, planner.horizons
-    program = make_program(horizons.layout, settings.sampling_time, horizons.cost, settings.smoothing, solver)
+    program = planner.horizons.program(solver)
     if solver == "clarabel":
         # the cost is flat: near the minimum w moves a thousand times as far as Clarabel's own tolerance of J
         for name in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
@@ -239,10 +238,8 @@ def test_a_dense_program_is_solved_whatever_the_guess_says(seed):
 def test_the_motion_settles_where_it_does_with_clarabel(scenario, arm, plan):
     outcomes = []
     for solver in ("clarabel", "daqp"):
-        horizons, settings = Convexification(scenario, arm), scenario.planner
-        horizons._program = make_program(
-            horizons.layout, settings.sampling_time, horizons.cost, settings.smoothing, solver
-        )
+        horizons = Convexification(scenario, arm)
+        horizons._program = horizons.program(solver)
         outcomes.append(horizons.settle(horizons.guess(plan.n_contact, plan.n_flight), 1e-4, 30))
     a, b = outcomes
     assert a.settled and b.settled and b.cost == pytest.approx(a.cost, rel=1e-5)
@@ -250,18 +247,17 @@ def test_the_motion_settles_where_it_does_with_clarabel(scenario, arm, plan):
 
 
 def test_the_engine_is_chosen_by_name(planner, monkeypatch):
-    settings, horizons = planner.scenario.planner, planner.horizons
-    arguments = horizons.layout, settings.sampling_time, horizons.cost, settings.smoothing
-    assert isinstance(make_program(*arguments, "daqp"), CondensedProgram)
-    assert isinstance(make_program(*arguments, "osqp"), HorizonProgram)
-    assert isinstance(make_program(*arguments, "daqp", GROUPS), HorizonProgram)
+    program = planner.horizons.program
+    assert isinstance(program("daqp"), CondensedProgram)
+    assert isinstance(program("osqp"), HorizonProgram)
+    assert isinstance(program("daqp", GROUPS), HorizonProgram)
     monkeypatch.setitem(sys.modules, "daqp", None)
     dense.load_daqp.cache_clear()
     with pytest.raises(
         InputError, match=r"'planner.solver' = 'daqp' needs .* pip install 'flipdiagram\[fast\]'"
     ) as error:
-        make_program(*arguments, "daqp")
+        program("daqp")
     assert "\n" not in str(error.value)
     with pytest.raises(ValueError, match="update"):
         monkeypatch.undo()
-        make_program(*arguments, "daqp").solve()
+        program("daqp").solve()
