@@ -1,7 +1,7 @@
 """Arm and spatula put into a MultibodyPlant: the one place where the cell and `ArmModel` get them from."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
@@ -12,7 +12,7 @@ from pydrake.multibody.tree import FixedOffsetFrame, Frame, Joint, ModelInstance
 from flipdiagram.errors import InputError
 from flipdiagram.robot.arm_spec import ArmSpec, file_error, one_per_joint
 from flipdiagram.robot.model_files import arm_urdf, model_path
-from flipdiagram.robot.own_files import JointNumbers, joint_numbers
+from flipdiagram.robot.own_files import JointNumbers, chain_between, joint_numbers
 from flipdiagram.scenario.cell import OWN_ARM, Arm
 
 UNSCALED = {"reflected_inertia_scale": 1.0, "reflected_inertia_scales": None, "speed_scale": 1.0, "torque_scale": 1.0}
@@ -47,8 +47,13 @@ def add_arm(plant: MultibodyPlant, spec: ArmSpec) -> ArmHandles:
     X_WB = RigidTransform(RollPitchYaw(0.0, 0.0, yaw), [x, y, z]) if any(arm.base_pose) else RigidTransform()
     plant.WeldFrames(plant.world_frame(), base, X_WB)
 
-    spatula_text = spec.spatula or model_path("spatula.urdf").read_text(encoding="utf-8")
-    tool_model, body, tool = _add_spatula(plant, spatula_text)
+    text = spec.spatula or model_path("spatula.urdf").read_text(encoding="utf-8")
+    kind = "sdf" if "<sdf" in text else "urdf"
+    body = add_body(plant, "the tool's model", lambda parser: parser.AddModelsFromString(text, kind))
+    tool_model = body.model_instance()
+    if not plant.HasFrameNamed("tool", tool_model):
+        raise InputError("the tool's model lacks a frame; valid is one body and a frame 'tool'")
+    tool = plant.GetFrameByName("tool", tool_model)
     plant.WeldFrames(flange, body.body_frame(), RigidTransform(R_FS, np.zeros(3)))
     X_TC = RigidTransform([0.0, 0.0, spec.tool_height])
     return ArmHandles(
@@ -70,9 +75,7 @@ def _add_urdf(plant: MultibodyPlant, arm: Arm) -> tuple[ModelInstanceIndex, Join
         (instance,) = Parser(plant).AddModelsFromString(text, "urdf")
     except RuntimeError as error:
         raise file_error(arm, f"cannot be read: {error}") from None
-    numbers, names = joint_numbers(text), [joint.name() for joint in _moving(plant, instance)]
-    rated = {name: numbers.rated_torque.get(name, np.inf) for name in names}
-    return instance, replace(numbers, rated_torque=rated, home=numbers.home and {n: numbers.home[n] for n in names})
+    return instance, joint_numbers(text, [joint.name() for joint in _moving(plant, instance)])
 
 
 def _add_own(plant: MultibodyPlant, arm: Arm, suffix: str) -> tuple[ModelInstanceIndex, JointNumbers]:
@@ -112,27 +115,24 @@ def _actuate(
     """One actuator a joint, in the order of the joints, which the plant's input then has too; returns their limits
     [N m] by joint name.
     """
-    names = [joint.name() for joint in joints]
-    actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
-    of_file = {actuator.joint().name(): actuator for actuator in actuators}
-    limits, gears = {}, {}
+    of_file = {}
+    for actuator in [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]:
+        gear = actuator.default_gear_ratio(), actuator.default_rotor_inertia()
+        of_file[actuator.joint().name()] = actuator.effort_limit(), *gear
+        plant.RemoveJointActuator(actuator)
+    names, limits = [joint.name() for joint in joints], {}
     scales = one_per_joint("arm.reflected_inertia_scales", arm.reflected_inertia_scales, names)
-    for k, (name, scale) in enumerate(zip(names, scales, strict=True)):
-        peak, ratio, rotor = peak_in_text.get(name, 0.0), 1.0, 0.0
-        if actuator := of_file.get(name):
-            peak, ratio = actuator.effort_limit(), actuator.default_gear_ratio()
-            rotor = actuator.default_rotor_inertia() * (arm.reflected_inertia_scale * scale)
+    for k, (joint, name) in enumerate(zip(joints, names, strict=True)):
+        peak, ratio, rotor = of_file.get(name, (peak_in_text.get(name, 0.0), 1.0, 0.0))
+        rotor *= arm.reflected_inertia_scale * scales[k]
+        if arm.reflected_inertia:
+            ratio, rotor = 1.0, arm.reflected_inertia[k]
         limit = (arm.torque_limits[k] if arm.torque_limits else peak) * arm.torque_scale
         if not (np.isfinite(limit) and limit > 0):
             valid = f"one per joint in the file or in arm.torque_limits, {' '.join(names)}"
             raise file_error(arm, f"lacks a limit: joint '{name}' has no torque limit; valid is {valid}", valid)
         limits[name] = float(limit)
-        gears[name] = (1.0, arm.reflected_inertia[k]) if arm.reflected_inertia else (ratio, rotor)
-    for actuator in actuators:
-        plant.RemoveJointActuator(actuator)
-    for joint, name in zip(joints, names, strict=True):
         actuator = plant.AddJointActuator(name, joint, limits[name])
-        ratio, rotor = gears[name]
         actuator.set_default_gear_ratio(ratio)
         actuator.set_default_rotor_inertia(rotor)
         if arm.speed_scale != 1.0:
@@ -146,33 +146,28 @@ def _keep_the_chain(plant: MultibodyPlant, instance: ModelInstanceIndex, arm: Ar
     for name in (arm.base, arm.flange):
         if not plant.HasFrameNamed(name, instance):
             raise file_error(arm, f"has no link or frame '{name}'; valid is an arm with both")
-    by_child = {plant.get_joint(i).child_body().index(): plant.get_joint(i) for i in plant.GetJointIndices(instance)}
-    here, base = (plant.GetFrameByName(name, instance).body().index() for name in (arm.flange, arm.base))
-    chain = set()
-    while here != base:
-        if here not in by_child:
-            raise file_error(arm, f"is no chain: '{arm.flange}' is not carried by '{arm.base}'")
-        chain.add(by_child[here].name())
-        here = by_child[here].parent_body().index()
+    joints = [plant.get_joint(i) for i in plant.GetJointIndices(instance)]
+    by_child = {joint.child_body().index(): (joint, joint.parent_body().index()) for joint in joints}
+    base, flange = (plant.GetFrameByName(name, instance).body().index() for name in (arm.base, arm.flange))
+    chain = {joint.name() for joint in chain_between(arm, by_child, base, flange)}
     for actuator in [plant.get_joint_actuator(i) for i in plant.GetJointActuatorIndices()]:
         if actuator.joint().name() not in chain:
             plant.RemoveJointActuator(actuator)
     if base in by_child:  # such as a joint that fixes the base to the world: its place is the scenario's
-        plant.RemoveJoint(by_child[base])
+        plant.RemoveJoint(by_child[base][0])
     for joint in [joint for joint in _moving(plant, instance) if joint.name() not in chain]:
         weld = WeldJoint(f"{joint.name()}_fixed", joint.frame_on_parent(), joint.frame_on_child(), RigidTransform())
         plant.RemoveJoint(joint)
         plant.AddJoint(weld)
 
 
-def _add_spatula(plant: MultibodyPlant, text: str) -> tuple[ModelInstanceIndex, RigidBody, Frame]:
-    """The spatula's model, its one body, and its frame "tool"."""
-    kind = "sdf" if "<sdf" in text else "urdf"
+def add_body(plant: MultibodyPlant, what: str, add: Callable[[Parser], list[ModelInstanceIndex]]) -> RigidBody:
+    """The one body of a model; InputError that begins with `what` where it cannot be read or has another number."""
     try:
-        (instance,) = Parser(plant).AddModelsFromString(text, kind)
+        (instance,) = add(Parser(plant))
     except (RuntimeError, ValueError) as error:
-        raise InputError(f"the tool's model cannot be read: {error}") from None
+        raise InputError(f"{what} cannot be read: {error}") from None
     bodies = [plant.get_body(i) for i in plant.GetBodyIndices(instance)]
-    if len(bodies) != 1 or not plant.HasFrameNamed("tool", instance):
-        raise InputError(f"the tool's model has {len(bodies)} bodies; valid is one body and a frame 'tool'")
-    return instance, bodies[0], plant.GetFrameByName("tool", instance)
+    if len(bodies) != 1:
+        raise InputError(f"{what} has {len(bodies)} bodies; valid is one")
+    return bodies[0]

@@ -6,8 +6,10 @@ replaced by cylinders from joint to joint.
 """
 
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +25,7 @@ STAND_IN_RADIUS = 0.04
 class JointNumbers:
     """What an arm's file says of its joints, by name."""
 
-    rated_torque: dict[str, float]  # [N m] attribute `rated_effort`, or `effort` where it is missing
+    rated_torque: dict[str, float]  # [N m] attribute `rated_effort`, or `effort` where it is missing; else infinite
     peak_torque: dict[str, float]  # [N m] attribute `effort`; 0 where it is missing
     home: dict[str, float] | None  # [rad] attribute `home`, the middle of the range where one is missing; None: all are
 
@@ -34,23 +36,17 @@ def prepare_urdf(root: ElementTree.Element, arm: Arm, folder: Path) -> None:
     InputError without base, flange or a chain between them.
     """
     joints = list(root.iterfind("joint"))
-    by_child = {_link(joint, "child"): joint for joint in joints}
+    by_child = {_link(joint, "child"): (joint, _link(joint, "parent")) for joint in joints}
     links = {link.attrib["name"]: link for link in root.iterfind("link")}
     frames = {frame.attrib["name"]: frame.attrib.get("link", "") for frame in root.iterfind("frame")}
-    base, flange = arm.base, arm.flange
-    for name in (base, flange):
+    for name in (arm.base, arm.flange):
         if name not in links and name not in frames:
             raise file_error(arm, f"has no link or frame '{name}'; choose from {', '.join([*links, *frames])}")
-    chain: list[ElementTree.Element] = []
-    here, root_link = frames.get(flange, flange), frames.get(base, base)
-    while here != root_link:
-        if here not in by_child:
-            raise file_error(arm, f"is no chain: '{flange}' is not carried by '{base}'; valid is one that is")
-        chain.insert(0, by_child[here])
-        here = _link(chain[0], "parent")
-    if root_link in by_child:  # such as a joint that fixes the base to the world: its place is the scenario's
-        root.remove(by_child[root_link])
-        joints.remove(by_child[root_link])
+    base, flange = (frames.get(name, name) for name in (arm.base, arm.flange))
+    chain = chain_between(arm, by_child, base, flange)
+    if base in by_child:  # such as a joint that fixes the base to the world: its place is the scenario's
+        root.remove(by_child[base][0])
+        joints.remove(by_child[base][0])
     if "world" in links:
         root.remove(links["world"])
     moving = tuple(joint.attrib["name"] for joint in chain if joint.attrib["type"] != "fixed")
@@ -64,10 +60,21 @@ def prepare_urdf(root: ElementTree.Element, arm: Arm, folder: Path) -> None:
         _show_simply(link, [joint for joint in joints if _link(joint, "parent") == name], folder)
 
 
-def joint_numbers(urdf: str) -> JointNumbers:
-    """The torques and home angles that the text of a URDF gives its joints."""
-    elements = {joint.attrib["name"]: joint.find("limit") for joint in ElementTree.fromstring(urdf).iterfind("joint")}
-    limits = {name: limit.attrib for name, limit in elements.items() if limit is not None}
+def chain_between(arm: Arm, by_child: Mapping[Any, tuple[Any, Any]], base: Any, flange: Any) -> list[Any]:
+    """The joints between an arm's flange and base; by_child: joint and parent by the link that the joint carries."""
+    joints = []
+    while flange != base:
+        if flange not in by_child:
+            raise file_error(arm, f"is no chain: '{arm.flange}' is not carried by '{arm.base}'; valid is one that is")
+        joint, flange = by_child[flange]
+        joints.append(joint)
+    return joints
+
+
+def joint_numbers(urdf: str, names: Iterable[str]) -> JointNumbers:
+    """The torques and home angles that the text of a URDF gives joints of these names."""
+    elements = {joint.attrib["name"]: joint for joint in ElementTree.fromstring(urdf).iterfind("joint")}
+    limits = {name: {k: v for limit in elements[name].iterfind("limit") for k, v in limit.items()} for name in names}
     middle = {name: (float(limit.get("lower", 0)) + float(limit.get("upper", 0))) / 2 for name, limit in limits.items()}
     return JointNumbers(
         {name: float(limit.get("rated_effort", limit.get("effort", "inf"))) for name, limit in limits.items()},

@@ -6,14 +6,13 @@ from pathlib import Path
 
 from pydrake.geometry import GeometrySet
 from pydrake.math import RigidTransform
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, RigidBody, SpatialInertia
 
 from flipdiagram.errors import InputError
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.arm_spec import ArmSpec
-from flipdiagram.robot.assembly import ArmHandles, add_arm
+from flipdiagram.robot.assembly import ArmHandles, add_arm, add_body
 from flipdiagram.robot.model_files import block_sdf, spatula_urdf, table_sdf
 from flipdiagram.scenario.scenario import Scenario
 
@@ -42,8 +41,9 @@ def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
     arm = add_arm(plant, _arm_spec(scenario))
     if scenario.disturbance.payload > 0:
         _add_payload(plant, arm, scenario.disturbance.payload)
-    block = _add_own_object(plant, scenario) if scenario.object.file else _only_body(plant, block_sdf(scenario))
-    table = _only_body(plant, table_sdf(scenario.table.friction))
+    block = _add_object(plant, scenario)
+    table_text = table_sdf(scenario.table.friction)
+    table = add_body(plant, "the table", lambda parser: parser.AddModelsFromString(table_text, "sdf"))
     height = scenario.table.height + scenario.disturbance.table_error
     X_WT = RigidTransform([scenario.task.start_x, scenario.task.target_y, height])
     plant.WeldFrames(plant.world_frame(), table.body_frame(), X_WT)
@@ -51,25 +51,17 @@ def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
     return Parts(arm, block, table)
 
 
-def _only_body(plant: MultibodyPlant, sdf: str) -> RigidBody:
-    (model,) = Parser(plant).AddModelsFromString(sdf, "sdf")
-    return plant.get_body(plant.GetBodyIndices(model)[0])
-
-
-def _add_own_object(plant: MultibodyPlant, scenario: Scenario) -> RigidBody:
-    """The object of the user's own file, whose mass the planner must know."""
-    file, planned = str(scenario.object.file), scenario.object.mass
-    try:
-        (model,) = Parser(plant).AddModels(file)
-    except (RuntimeError, ValueError) as error:
-        raise InputError(f"object.file = '{file}' cannot be read: {error}") from None
-    bodies = [plant.get_body(i) for i in plant.GetBodyIndices(model)]
-    if len(bodies) != 1:
-        raise InputError(f"object.file = '{file}' has {len(bodies)} bodies; valid is one")
-    mass = bodies[0].default_mass()
+def _add_object(plant: MultibodyPlant, scenario: Scenario) -> RigidBody:
+    """The block, or the object of the user's own file, whose mass the planner must know."""
+    file, planned = scenario.object.file, scenario.object.mass
+    if not file:
+        return add_body(plant, "the block", lambda parser: parser.AddModelsFromString(block_sdf(scenario), "sdf"))
+    what = f"object.file = '{file}'"
+    body = add_body(plant, what, lambda parser: parser.AddModels(file))
+    mass = body.default_mass()
     if abs(mass - planned) > MASS_TOLERANCE * planned:
-        raise InputError(f"object.file = '{file}' weighs {mass:g} kg; valid is object.mass = {planned:g} kg")
-    return bodies[0]
+        raise InputError(f"{what} weighs {mass:g} kg; valid is object.mass = {planned:g} kg")
+    return body
 
 
 def _leave_out_collisions(plant: MultibodyPlant, arm: ArmHandles) -> None:

@@ -110,14 +110,14 @@ def test_rotor_inertia_times_ratio_squared_is_the_reflected_inertia():
 
 def test_home_lies_inside_the_limits_and_a_joint_without_it_gets_the_middle():
     text = text_of("mh3f.urdf")
-    for name, angle in joint_numbers(text).home.items():
+    for name, angle in joint_numbers(text, "SLURBT").home.items():
         limit = ElementTree.fromstring(text).find(f"joint[@name='{name}']/limit")
         assert float(limit.get("lower")) < angle < float(limit.get("upper"))
     plain = re.sub(r' (?:home|rated_effort)="[^"]*"', "", text)
-    assert joint_numbers(plain).home is None
+    assert joint_numbers(plain, "SLURBT").home is None
     some = re.sub(r' home="[^"]*"', "", text, count=2)
-    assert joint_numbers(some).home["L"] == pytest.approx(np.radians(2.5), abs=1e-5)
-    assert joint_numbers(plain).rated_torque["L"] == 213.9
+    assert joint_numbers(some, "SLURBT").home["L"] == pytest.approx(np.radians(2.5), abs=1e-5)
+    assert joint_numbers(plain, "SLURBT").rated_torque["L"] == 213.9
 
 
 def test_spatula_inertia_in_the_file_is_that_of_its_shape():
