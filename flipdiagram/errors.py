@@ -39,6 +39,10 @@ class ScenarioError(InputError):
     """A field of a scenario, or the text of one, is not valid."""
 
 
+class NotCompilable(InputError):
+    """A Drake Diagram has no compiled form. The message names the block and the reason."""
+
+
 class MissingProgramError(FlipdiagramError):
     """A system program is not installed. The message says which feature needs it and how to install it."""
 

@@ -72,13 +72,10 @@ def next_peaks(peaks: Array, y: Array, t: Any, start_time: Array) -> Array:
 
 def next_squares(squares: Array, y: Array, reference: Array, t: Any, start_time: Array) -> Array:
     """Sums of squared errors, then counts of samples (2 n,), after a sample y, reference (n,) at t [s]."""
-    error, n = y - reference, len(y)
-    sums, counts = [], []
-    for i in range(n):
-        started = t >= start_time[i]
-        sums.append(squares[i] + choose(started, error[i] * error[i], 0.0 * error[i]))
-        counts.append(squares[n + i] + choose(started, type(error[i])(1.0), type(error[i])(0.0)))
-    return np.array([*sums, *counts])
+    errors = y - reference
+    added = [choose(t >= start, error * error, 0.0 * error) for error, start in zip(errors, start_time, strict=True)]
+    added += [choose(t >= start, type(start)(1.0), type(start)(0.0)) for start in start_time]
+    return squares + np.array(added)
 
 
 def root_mean_square(squares: Array) -> Array:

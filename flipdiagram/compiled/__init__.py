@@ -8,9 +8,9 @@ knows its derivatives (``linear``).
 
 from flipdiagram.compiled.batch import BatchDiagram, Run
 from flipdiagram.compiled.diagram import CompiledDiagram, compile_diagram
-from flipdiagram.compiled.errors import NotCompilable
 from flipdiagram.compiled.fallback import SimulatedDiagram
 from flipdiagram.compiled.linear import Linearization
+from flipdiagram.errors import NotCompilable
 
 __all__ = [
     "BatchDiagram",

@@ -4,9 +4,8 @@ import numpy as np
 
 from flipdiagram.arrays import Floats, Indices
 from flipdiagram.compiled.batch import BatchDiagram, Channels
-from flipdiagram.compiled.errors import NotCompilable
 from flipdiagram.compiled.fallback import SimulatedDiagram
-from flipdiagram.errors import InputError
+from flipdiagram.errors import InputError, NotCompilable
 
 TOLERANCE = 1e-10  # relative
 _OUTPUT_ROWS = 20  # ticks at which outputs are compared too: they cost Drake time

@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 from flipdiagram.arrays import Floats, Indices
 from flipdiagram.compiled.batch import BatchDiagram, Channels
 from flipdiagram.compiled.check import check as check_against_drake
-from flipdiagram.compiled.errors import NotCompilable
 from flipdiagram.compiled.fallback import SimulatedDiagram
 from flipdiagram.compiled.kernel import load_kernel
 from flipdiagram.compiled.layout import Layout, lay_out
@@ -17,7 +16,7 @@ from flipdiagram.compiled.printer import kernel_source
 from flipdiagram.compiled.read import Program, read_program
 from flipdiagram.compiled.structure import flatten
 from flipdiagram.compiled.threads import run_kernel
-from flipdiagram.errors import InputError
+from flipdiagram.errors import InputError, NotCompilable
 
 
 class CompiledDiagram(BatchDiagram):

@@ -7,10 +7,9 @@ from pydrake.systems.analysis import Simulator
 
 from flipdiagram.arrays import Floats, Indices
 from flipdiagram.compiled.batch import BatchDiagram, Channels
-from flipdiagram.compiled.errors import NotCompilable
 from flipdiagram.compiled.layout import Layout
 from flipdiagram.compiled.structure import common_timing
-from flipdiagram.errors import InputError
+from flipdiagram.errors import InputError, NotCompilable
 
 
 class SimulatedDiagram(BatchDiagram):

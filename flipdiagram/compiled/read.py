@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 from pydrake.symbolic import Expression, Variable
 
-from flipdiagram.compiled.errors import NotCompilable
 from flipdiagram.compiled.graph import Graph, Translator, Unprintable
 from flipdiagram.compiled.layout import Layout
 from flipdiagram.compiled.structure import Leaf, check_states, common_timing, is_vector, timings
-from flipdiagram.errors import first_line
+from flipdiagram.errors import NotCompilable, first_line
 
 Signal = tuple[int, int, int]
 """(leaf, output port, element)."""

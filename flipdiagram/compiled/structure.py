@@ -6,8 +6,7 @@ from typing import Any
 
 from pydrake.systems.framework import Diagram, InputPortIndex, OutputPortIndex, PortDataType, System
 
-from flipdiagram.compiled.errors import NotCompilable
-from flipdiagram.errors import InputError
+from flipdiagram.errors import InputError, NotCompilable
 
 Source = tuple[int | None, int]
 """(leaf, output port), or (None, input port of the whole diagram)."""
