@@ -18,6 +18,7 @@ import numpy as np
 
 from flipdiagram.arrays import Floats, Indices
 from flipdiagram.planning import dense
+from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.dense import DenseProgram
 from flipdiagram.planning.horizon import INPUTS, STATES, STRIDE, Layout
 from flipdiagram.planning.model import LandingCost, flight
@@ -72,21 +73,9 @@ class CondensedProgram:
         none, places, matrix = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 0))
         compiled(condense, sums=True)(places, places, none, matrix, 0, matrix, none)
 
-    def update(
-        self,
-        start: Floats,
-        n_contact: int,
-        n_flight: int,
-        landing: tuple[Floats, float],
-        rows: Rows,
-        near: Floats,
-        trust: float,
-    ) -> None:
-        """New numbers: start (6,), horizon, landing row on x̂(release) and its bound, rows, trust about `near`.
-
-        All as in `HorizonProgram.update`; the waiting samples pass at the start's constant velocity.
-        """
-        horizon, drift = self._horizon(n_contact, n_flight), self._drift @ start
+    def update(self, start: Floats, point: Trajectory, landing: tuple[Floats, float], rows: Rows, trust: float) -> None:
+        """New numbers, all as in `HorizonProgram.update`; the waiting samples pass at the start's constant velocity."""
+        horizon, drift = self._horizon(point.n_contact, point.n_flight), self._drift @ start
         map_, released = horizon.map, self._released
         f = (horizon.weight @ drift[released] + horizon.residual) @ horizon.gradient
         # θ, and y and z once the trust has shrunk, at the samples that move; waiting ones follow from the start
@@ -101,7 +90,8 @@ class CondensedProgram:
         A[0], high[0] = landing[0] @ map_[released], landing[1] - landing[0] @ drift[released]
         A[1:EQUALITIES], high[1:EQUALITIES] = map_[-AXES:], -drift[-AXES:]
         low[:EQUALITIES] = high[:EQUALITIES]
-        centre = (near[-len(horizon.angles) :, 2] if free else near[-len(horizon.angles) :].ravel()) - drift[at]
+        near = point.states[-len(horizon.angles) :, :AXES]
+        centre = (near[:, 2] if free else near.ravel()) - drift[at]
         A[EQUALITIES:m], low[EQUALITIES:m], high[EQUALITIES:m] = map_[at], centre - radius, centre + radius
         high[m:] = rows.left(drift)
         compiled(condense, sums=True)(rows.rows, rows.columns, rows.values, map_, m, A, norm)

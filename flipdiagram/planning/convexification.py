@@ -186,7 +186,7 @@ class Convexification:
         landing = constraints.landing_row(self.layout, point, self.scenario)
         start, waiting = self.start.copy(), self.layout.release - point.n_contact
         start[:3] -= waiting * point.sampling_time * start[3:]  # the waiting samples lead up to it at constant speed
-        program.update(start, point.n_contact, point.n_flight, landing, rows, point.states[:, :3], trust)
+        program.update(start, point, landing, rows, trust)
         solution = program.solve()
         self.program_times.append(solution.solve_time)
         return solution, motion

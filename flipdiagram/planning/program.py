@@ -18,6 +18,7 @@ from pydrake.solvers import MathematicalProgram, SolverInterface
 
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import InputError
+from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.horizon import STATES, STRIDE, Layout
 from flipdiagram.planning.model import LandingCost, flight, transition
 from flipdiagram.planning.rows import Rows
@@ -114,22 +115,13 @@ class HorizonProgram:
         self._landing = prog.AddLinearEqualityConstraint(np.ones((1, STATES)), np.zeros(1), released)
         self._current: Rows | None = None
 
-    def update(
-        self,
-        start: Floats,
-        n_contact: int,
-        n_flight: int,
-        landing: tuple[Floats, float],
-        rows: Rows,
-        near: Floats,
-        trust: float,
-    ) -> None:
-        """New numbers: start (6,), horizon, landing row on x̂(release) and its bound, rows, trust about `near`.
+    def update(self, start: Floats, point: Trajectory, landing: tuple[Floats, float], rows: Rows, trust: float) -> None:
+        """New numbers: start (6,), landing row on x̂(release) and its bound, rows linearised about `point`, trust.
 
-        Trust is the radius [rad] in which θ may move about `near` (N + 1, 3); y and z may move by `TRUST_LENGTH` times
-        it, or freely where it is `FREE_TRUST` or more.
+        Trust is the radius [rad] in which θ may move about `point`; y and z may move by `TRUST_LENGTH` times it, or
+        freely where it is `FREE_TRUST` or more.
         """
-        layout, dt = self.layout, self.sampling_time
+        layout, near, waiting = self.layout, point.states, self.layout.release - point.n_contact
         low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
         samples = np.arange(1, layout.intervals + 1)
         # rows that cannot bind cost time all the same: y and z are bounded once the trust has shrunk
@@ -138,17 +130,17 @@ class HorizonProgram:
             low[layout.x(samples, component)] = near[1:, component] - radius
             high[layout.x(samples, component)] = near[1:, component] + radius
         for component in range(3):
-            waiting = layout.u(np.arange(layout.release - n_contact), component)
-            low[waiting] = high[waiting] = 0.0
+            still = layout.u(np.arange(waiting), component)
+            low[still] = high[still] = 0.0
             # the waiting states follow from the start; bounds on them would only repeat the equality
-            idle = layout.x(samples[: layout.release - n_contact], component)
+            idle = layout.x(samples[:waiting], component)
             low[idle], high[idle] = -np.inf, np.inf
         low[:STATES] = high[:STATES] = start
         low[-3:] = high[-3:] = 0.0
         self._bounds.evaluator().UpdateLowerBound(low / self._units)
         self._bounds.evaluator().UpdateUpperBound(high / self._units)
 
-        matrix, offset = flight(n_flight * dt)
+        matrix, offset = flight(point.n_flight * self.sampling_time)
         w = self.cost.residual_matrix()
         map_ = w @ matrix * self._released_units
         residual = w @ (offset - self.cost.target())

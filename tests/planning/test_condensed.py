@@ -33,7 +33,7 @@ def linearisations(scenario):
 
     with patch.object(HorizonProgram, "update", spy):
         Planner(scenario).plan()
-    assert len({arguments[1:3] for arguments in calls}) > 8  # horizons
+    assert len({(point.n_contact, point.n_flight) for _, point, *_ in calls}) > 8  # horizons
     return calls
 
 
@@ -85,26 +85,27 @@ def test_every_linearisation_of_a_plan_has_the_solution_that_clarabel_finds(
     for arguments in linearisations:
         for program in (condensed, reference):
             program.update(*arguments)
-        assert_same(planner, condensed.solve(), reference.solve(), arguments[2])
+        assert_same(planner, condensed.solve(), reference.solve(), arguments[1].n_flight)
 
 
 def test_programs_with_random_numbers_have_the_same_solution_or_none(planner, linearisations, condensed, reference):
     rng, layout, feasible = np.random.default_rng(0), planner.horizons.layout, 0
     for arguments in (linearisations[i] for i in rng.integers(len(linearisations), size=40)):
-        start, n_contact, n_flight, landing, rows, near, _ = arguments
+        start, point, landing, rows, _ = arguments
         velocity = rng.normal(scale=[0.1, 0.1, 0.3])
         start = start + np.append(rng.normal(scale=[0.005, 0.005, 0.02]), velocity)
-        start[:3] -= (layout.release - n_contact) * 0.02 * velocity  # it waits in motion
+        start[:3] -= (layout.release - point.n_contact) * 0.02 * velocity  # it waits in motion
         wider = rng.choice([0.05, -0.02, -0.3]) * np.abs(rng.normal(size=rows.count))
         moved = replace(rows, upper=rows.upper + wider, slack=rows.slack + wider)
-        near, trust = near + rng.normal(scale=0.002, size=3), rng.choice([1.0, 0.5])
+        astray = np.append(rng.normal(scale=0.002, size=3), np.zeros(3))
+        near, trust = replace(point, states=point.states + astray), rng.choice([1.0, 0.5])
         for program in (condensed, reference):
-            program.update(start, n_contact, n_flight, landing, moved, near, trust)
+            program.update(start, near, landing, moved, trust)
         found, expected = condensed.solve(), reference.solve()
         assert found.success == expected.success
         if expected.success:
             feasible += 1
-            assert_same(planner, found, expected, n_flight)
+            assert_same(planner, found, expected, point.n_flight)
         else:
             assert found.status == "kInfeasibleConstraints"
     assert 10 < feasible < 35
@@ -112,7 +113,7 @@ def test_programs_with_random_numbers_have_the_same_solution_or_none(planner, li
 
 def motion(arguments, layout, variables):
     """The decision vector by eq. (2), from the accelerations of the moving samples."""
-    start, n_contact, dt = arguments[0], arguments[1], 0.02
+    start, n_contact, dt = arguments[0], arguments[1].n_contact, 0.02
     u = np.zeros((layout.intervals, 3))
     u[layout.release - n_contact :] = variables.reshape(-1, 3)
     v = np.vstack([start[3:], start[3:] + np.cumsum(u, axis=0) * dt])
@@ -125,7 +126,8 @@ def test_the_solution_meets_the_optimality_conditions(planner, linearisations, c
     """Eq. (2), all rows, and a gradient that the active ones hold with multipliers of the right sign."""
     arguments = [arguments for arguments in linearisations if arguments[-1] >= 1][which]  # y and z not bounded by trust
     layout = planner.horizons.layout
-    start, n_contact, n_flight, (row, bound), rows, near, trust = arguments
+    start, point, (row, bound), rows, trust = arguments
+    n_contact, n_flight, near = point.n_contact, point.n_flight, point.states
     condensed.update(*arguments)
     solution = condensed.solve()
     inputs = layout.unpack(solution.w)[1][layout.release - n_contact :].ravel()
@@ -169,21 +171,21 @@ def test_a_program_used_before_solves_like_a_fresh_one_to_the_bit(planner, linea
 def test_the_linearisation_point_as_guess_saves_iterations_when_it_is_near(linearisations, condensed):
     condensed.update(*linearisations[-1])
     solution = condensed.solve()
-    start, *middle, near, _ = linearisations[-1]
-    *middle, rows = middle
-    states = condensed.layout.unpack(solution.w)[0]
-    condensed.update(start, *middle, replace(rows, slack=rows.left(solution.w)), states[:, :3], 1.0)
+    start, point, landing, rows, _ = linearisations[-1]
+    near = replace(point, states=condensed.layout.unpack(solution.w)[0])
+    condensed.update(start, near, landing, replace(rows, slack=rows.left(solution.w)), 1.0)
     again = condensed.solve()
     np.testing.assert_allclose(again.w, solution.w, atol=1e-7)
     astray = np.random.default_rng(0).permutation(rows.slack)  # nearness that is none
-    condensed.update(start, *middle, replace(rows, slack=astray), states[:, :3] + [0.0, 0.0, 0.3], 1.3)
+    turned = replace(near, states=near.states + [0.0, 0.0, 0.3, 0.0, 0.0, 0.0])
+    condensed.update(start, turned, landing, replace(rows, slack=astray), 1.3)
     astray = condensed.solve()
     np.testing.assert_allclose(astray.w, solution.w, atol=1e-7)
     assert again.iterations < astray.iterations / 2
 
 
 def test_what_cannot_be_met_ends_without_a_solution(linearisations, condensed, reference):
-    start, n_contact, n_flight, landing, rows, near, trust = linearisations[-1]
+    start, point, landing, rows, trust = linearisations[-1]
     layout = condensed.layout
     for column, bound in ((layout.x(layout.release, 2), 1.0), (layout.x(0, 1), start[1] - 0.01)):
         # below that of the release; below the start
@@ -196,7 +198,7 @@ def test_what_cannot_be_met_ends_without_a_solution(linearisations, condensed, r
         }
         impossible = replace(rows, rows=np.append(rows.rows, rows.count), groups=rows.groups + more.groups, **both)
         for program in (condensed, reference):
-            program.update(start, n_contact, n_flight, landing, impossible, near, trust)
+            program.update(start, point, landing, impossible, trust)
         found, expected = condensed.solve(), reference.solve()
         assert (found.success, found.status) == (expected.success, expected.status) == (False, "kInfeasibleConstraints")
 

@@ -40,8 +40,7 @@ def numbers(planner, point, trust=TRUST):
     """What `update` takes, for a linearisation point."""
     horizons = planner.horizons
     landing = constraints.landing_row(horizons.layout, point, planner.scenario)
-    near = point.states[:, :3]
-    return horizons.start, point.n_contact, point.n_flight, landing, horizons.rows(point)[0], near, trust
+    return horizons.start, point, landing, horizons.rows(point)[0], trust
 
 
 def build(planner, groups=()):
@@ -53,7 +52,8 @@ def build(planner, groups=()):
 
 def from_scratch(planner, arguments):
     """Optimal cost and inputs (N, 3): the accelerations of the moving samples are the only variables, by SNOPT."""
-    start, n_contact, n_flight, (row, bound), rows, near, trust = arguments
+    start, point, (row, bound), rows, trust = arguments
+    n_contact, n_flight, near = point.n_contact, point.n_flight, point.states[:, :3]
     settings, layout = planner.scenario.planner, planner.horizons.layout
     dt, count, waiting = settings.sampling_time, layout.intervals, layout.release - n_contact
     unit = np.tile([10.0, 10.0, 100.0], count - waiting)
@@ -119,7 +119,7 @@ def test_the_solution_is_that_of_the_same_program_built_from_scratch(planner, wh
     assert solution.success and solution.slack == {} and solution.residual < 1e-8
     states, inputs = program.layout.unpack(solution.w)
     expected, (other_states, other_inputs) = from_scratch(planner, arguments)
-    assert cost_of(planner, states, inputs, arguments[2]) == pytest.approx(expected, rel=1e-6)
+    assert cost_of(planner, states, inputs, arguments[1].n_flight) == pytest.approx(expected, rel=1e-6)
     np.testing.assert_allclose(states[:, :3], other_states[:, :3], atol=1e-4)
     np.testing.assert_allclose(inputs, other_inputs, atol=1e-4 * 1000)
 
@@ -137,7 +137,7 @@ def test_eq_2_start_waiting_rest_and_trust_hold_in_the_solution(planner, elsewhe
     np.testing.assert_allclose(states[-1, 3:], 0, atol=1e-8)
     moved = np.abs(states[waiting + 1 :, :3] - elsewhere.states[waiting + 1 :, :3]).max(axis=0)
     np.testing.assert_allclose(moved, [TRUST / 2, TRUST / 2, TRUST], rtol=1e-5)  # as far as it may
-    a, b = arguments[4].matrix(program.layout.size), arguments[4].upper
+    a, b = arguments[3].matrix(program.layout.size), arguments[3].upper
     assert np.max(a @ solution.w - b) <= solution.residual + 1e-15
 
 
@@ -172,7 +172,7 @@ def test_the_elastic_program_names_the_group_that_was_made_impossible(group):
     ]
     rows = Rows.about(np.zeros(layout.size), parts)
     landing = np.array([0.0, 1, 0, 0, 0.04, 0]), 0.2 + G * 0.04**2 / 2
-    arguments = (start, 6, 2, landing, rows, np.tile(start[:3], (11, 1)), 1.0)
+    arguments = start, Trajectory(np.tile(start, (11, 1)), np.zeros((10, 3)), 6, 2, 0.02), landing, rows, 1.0
     plain, elastic = (
         HorizonProgram(layout, 0.02, LandingCost(20, 0.5), 1e-6, "clarabel", g) for g in ((), ("first", "second"))
     )
