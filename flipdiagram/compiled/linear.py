@@ -1,12 +1,14 @@
-"""Exact linearisation: the chain rule through the program, then poles and frequency response in z."""
+"""Exact linearisation: the chain rule through the program, by Drake, then poles and frequency response in z."""
 
-import math
+import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pydrake.math as scalar_math
 from numpy.typing import ArrayLike
+from pydrake.autodiffutils import AutoDiffXd
 
 from flipdiagram.arrays import Complex, Floats, Indices
 from flipdiagram.compiled.layout import Layout
@@ -14,48 +16,27 @@ from flipdiagram.compiled.read import Program
 from flipdiagram.errors import InputError, MissingProgramError
 
 
-def _by_exponent(a: Any, b: Any, power: Any) -> Any:
-    # log of a negative base is nan, which _times drops where the exponent is constant
-    return power * np.log(a) if a > 0.0 else (0.0 if a == 0.0 and b > 0.0 else math.nan)
+def _power(a: Any, b: Any) -> Any:
+    """The power a^b; Drake has none whose exponent depends on the state."""
+    return scalar_math.exp(b * scalar_math.log(a)) if b.derivatives().any() else scalar_math.pow(a, b.value())
 
 
-# f of its operands, and its partial derivatives from the operands and f
-_FUNCTIONS: dict[str, tuple[Callable[..., Any], Callable[..., tuple[Any, ...]]]] = {
-    "add": (np.add, lambda a, b, f: (1.0, 1.0)),
-    "sub": (np.subtract, lambda a, b, f: (1.0, -1.0)),
-    "mul": (np.multiply, lambda a, b, f: (b, a)),
-    "div": (np.divide, lambda a, b, f: (1.0 / b, -a / (b * b))),
-    "pow": (np.power, lambda a, b, f: (b * np.power(a, b - 1.0), _by_exponent(a, b, f))),
-    "atan2": (np.arctan2, lambda a, b, f: (b / (a * a + b * b), -a / (a * a + b * b))),
-    "neg": (np.negative, lambda x, f: (-1.0,)),
-    "abs": (np.abs, lambda x, f: (np.sign(x),)),
-    "exp": (np.exp, lambda x, f: (f,)),
-    "log": (np.log, lambda x, f: (1.0 / x,)),
-    "sqrt": (np.sqrt, lambda x, f: (0.5 / f,)),
-    "sin": (np.sin, lambda x, f: (np.cos(x),)),
-    "cos": (np.cos, lambda x, f: (-np.sin(x),)),
-    "tan": (np.tan, lambda x, f: (1.0 + f * f,)),
-    "asin": (np.arcsin, lambda x, f: (1.0 / np.sqrt(1.0 - x * x),)),
-    "acos": (np.arccos, lambda x, f: (-1.0 / np.sqrt(1.0 - x * x),)),
-    "atan": (np.arctan, lambda x, f: (1.0 / (1.0 + x * x),)),
-    "sinh": (np.sinh, lambda x, f: (np.cosh(x),)),
-    "cosh": (np.cosh, lambda x, f: (np.sinh(x),)),
-    "tanh": (np.tanh, lambda x, f: (1.0 - f * f,)),
-    "floor": (np.floor, lambda x, f: (0.0,)),
-    "ceil": (np.ceil, lambda x, f: (0.0,)),
-}
-
-_RELATIONS: dict[str, Callable[..., Any]] = {
-    "eq": np.equal,
-    "ne": np.not_equal,
-    "gt": np.greater,
-    "ge": np.greater_equal,
-    "lt": np.less,
-    "le": np.less_equal,
-    "and": np.logical_and,
-    "or": np.logical_or,
-    "not": np.logical_not,
-    "isnan": np.isnan,
+# of AutoDiffXd; what is not named here has its name from pydrake.math
+_OPERATIONS: dict[str, Callable[..., Any]] = {
+    "add": operator.add,
+    "sub": operator.sub,
+    "mul": operator.mul,
+    "div": operator.truediv,
+    "neg": operator.neg,
+    "pow": _power,
+    "abs": lambda x: x * float(np.sign(x.value())),
+    "min": lambda a, b: b if b < a else a,
+    "max": lambda a, b: b if a < b else a,
+    "select": lambda condition, yes, no: yes if condition else no,
+    **{name: getattr(operator, name) for name in ("eq", "ne", "gt", "ge", "lt", "le")},
+    "and": operator.and_,
+    "or": operator.or_,
+    "not": operator.not_,
 }
 
 
@@ -119,48 +100,33 @@ def linearize(
     program: Program, layout: Layout, parameters: Floats, state: Floats, inputs: Floats, tick: int
 ) -> Linearization:
     """The Jacobians of update and outputs by state and inputs at one point; see ``CompiledDiagram.linearize``."""
-    n, time = state.size, np.float64(program.offset + tick * program.period)
-    rows = _gradients(program, {"parameter": parameters, "state": state, "input": inputs}, time)
+    n, point = state.size, np.concatenate([state, inputs])
+    zero = np.zeros(point.size)
+    moving = [AutoDiffXd(value, slope) for value, slope in zip(point, np.eye(point.size), strict=True)]
+    atoms = {"parameter": [AutoDiffXd(value, zero) for value in parameters], "state": moving[:n], "input": moving[n:]}
+    atoms["time"] = [AutoDiffXd(program.offset + tick * program.period, zero)]
+    values: dict[int, Any] = {}
+    roots = [*program.update, *program.outputs]
+    for i in sorted(program.graph.needed(roots)):
+        operation, *rest = program.graph.nodes[i]
+        if operation == "constant":
+            values[i] = rest[0] == "True" if rest[0] in ("True", "False") else AutoDiffXd(float(rest[0]), zero)
+        elif operation in atoms:
+            values[i] = atoms[operation][rest[0] if rest else 0]
+        else:
+            values[i] = _evaluated(operation, [values[j] for j in rest])
+    rows = np.array([values[i].derivatives() for i in roots]).reshape(len(roots), point.size)
     names = (tuple(names.elements()) for names in (layout.states, layout.inputs, layout.outputs))
     return Linearization(rows[:n, :n], rows[:n, n:], rows[n:, :n], rows[n:, n:], program.period, *names)
 
 
-def _gradients(program: Program, given: dict[str, Floats], time: Any) -> Floats:
-    """Gradients of next state and outputs by (state, inputs), a row each: forward through the program."""
-    states, width = given["state"].size, given["state"].size + given["input"].size
-    zero, identity = np.zeros(width), np.eye(width)
-    values: dict[int, Any] = {}
-    gradients: dict[int, Any] = {}
-    roots = [*program.update, *program.outputs]
-    with np.errstate(all="ignore"):
-        for i in sorted(program.graph.needed(roots)):
-            operation, *rest = program.graph.nodes[i]
-            value, gradient = time, zero
-            if operation == "constant":
-                value = rest[0] == "True" if rest[0] in ("True", "False") else np.float64(rest[0])
-            elif operation in given:
-                value = given[operation][rest[0]]
-                if operation != "parameter":
-                    gradient = identity[rest[0] + (states if operation == "input" else 0)]
-            elif operation in _RELATIONS:
-                value = _RELATIONS[operation](*(values[j] for j in rest))
-            elif operation in ("select", "min", "max"):
-                if operation == "select":
-                    taken = rest[1] if values[rest[0]] else rest[2]
-                else:
-                    a, b = (values[j] for j in rest)
-                    taken = rest[1] if (b < a if operation == "min" else a < b) else rest[0]
-                value, gradient = values[taken], gradients[taken]
-            elif operation != "time":
-                function, slopes = _FUNCTIONS[operation]
-                operands = [values[j] for j in rest]
-                value = function(*operands)
-                partials = zip(slopes(*operands, value), rest, strict=True)
-                gradient = sum((_times(slope, gradients[j]) for slope, j in partials), zero)
-            values[i], gradients[i] = value, gradient
-    return np.array([gradients[i] for i in roots]).reshape(len(roots), width)
-
-
-def _times(slope: Any, gradient: Floats) -> Floats:
+def _evaluated(operation: str, operands: list[Any]) -> Any:
+    """The value of a node with its gradient by (state, inputs), or whether a relation holds."""
+    result = (_OPERATIONS.get(operation) or getattr(scalar_math, operation))(*operands)
+    if isinstance(result, bool):
+        return result
+    depends = np.any([operand.derivatives() for operand in operands if isinstance(operand, AutoDiffXd)], axis=0)
+    if not isinstance(result, AutoDiffXd):  # floor and ceil, which have no slope
+        return AutoDiffXd(result, 0.0 * depends)
     # an infinite slope of something that does not depend on the state is no nan
-    return np.where(gradient == 0.0, 0.0, slope * gradient)
+    return AutoDiffXd(result.value(), np.where(depends, result.derivatives(), 0.0))
