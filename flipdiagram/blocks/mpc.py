@@ -51,6 +51,10 @@ class ModelPredictiveController(Block):
         value = context.get_abstract_state(self._state).get_value()
         return value if isinstance(value, Plan) else None
 
+    def followed(self, context: Context) -> Plan | Command | None:
+        """What the tool follows in this system's Context, None before the run has started."""
+        return self.plan(context)
+
     def set_plan(self, context: Context, plan: Plan) -> None:
         """Put a plan into this system's Context; the run then starts with it instead of solving."""
         context.get_mutable_abstract_state(self._state).set_value(self._state_of(plan))

@@ -125,10 +125,10 @@ class RecedingHorizonController(ModelPredictiveController):
 
     def plan(self, context: Context) -> Plan | None:
         """The plan in force in this system's Context, None before the run has started."""
-        command = self.last_command(context)
+        command = self.followed(context)
         return None if command is None else command.plan
 
-    def last_command(self, context: Context) -> Command | None:
+    def followed(self, context: Context) -> Command | None:
         """The newest command in this system's Context."""
         horizon = self.horizon(context)
         return horizon.following or horizon.command

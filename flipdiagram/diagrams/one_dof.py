@@ -82,22 +82,21 @@ def build_experiment(
     settings: OneDof,
     *,
     friction: bool = False,
-    amplitude: float = 1.0,
     noise: float = 0.0,
     white_noise: float = 0.0,
     seed: int = 1,
 ) -> Diagram:
     """The closed loop with its sources and meters: what one channel of the study runs.
 
-    Sources, at rest where 0: the command of eqs. (13)–(15) with `amplitude` [m], and velocity noise [m/s] as a
-    sinusoid of the amplitude `noise` and as white noise of the RMS `white_noise`.  Friction is that of the settings.
+    Sources: the command of eqs. (13)–(15) with an amplitude of 1 m, and velocity noise [m/s] as a sinusoid of the
+    amplitude `noise` and as white noise of the RMS `white_noise`, at rest where 0.  Friction is that of the settings.
     Outputs `x`, `v`, `a`, `force`, `white_noise`, and those of the meters: `lockin_x`, `lockin_a`, `peak_x`, `peak_a`,
     `peak_force`, `rms_error`.
     """
     builder = DiagramBuilder()
     add, connect = builder.AddNamedSystem, builder.Connect
     plant, x, v = _plant_and_sensor(builder, settings, friction)
-    command = add("command", SinusoidalCommand([1.0], [amplitude]))
+    command = add("command", SinusoidalCommand([1.0]))
     sine = add("noise", SinusoidalNoise([1.0], [noise]))
     white = add("white_noise", BroadbandNoise([white_noise], settings.step, [seed]))
     noisy = add("v_noise_sum", Adder(3, 1))

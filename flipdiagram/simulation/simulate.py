@@ -8,7 +8,6 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
-from flipdiagram.blocks.receding_horizon import RecedingHorizonController
 from flipdiagram.diagrams.loop import Loop, build_loop
 from flipdiagram.diagrams.replacement import Box
 from flipdiagram.errors import InputError, SimulationError
@@ -80,7 +79,8 @@ def simulate_loop(
     scenario, context = loop.scenario, loop.context(plan)
     simulator = Simulator(loop.diagram, context)
     simulator.Initialize()
-    plan = loop.mpc.plan(loop.mpc.GetMyContextFromRoot(context))
+    mine = loop.mpc.GetMyContextFromRoot(context)
+    plan = loop.mpc.plan(mine)
     assert plan is not None, "the MPC's initialisation sets a plan"
     end = _end(scenario, plan)
     begin = time.perf_counter()
@@ -94,23 +94,16 @@ def simulate_loop(
             progress(until / end)
         if pace is not None:
             pace(until)
-        later = _end(scenario, _followed(loop, context, plan))
+        later = _end(scenario, loop.mpc.followed(mine) or plan)
         end = later if later > end + ROUNDING else end  # a plan made again may take longer
     elapsed = time.perf_counter() - begin
-    return Run(_read(loop, context, _followed(loop, context, plan)), plan, end / elapsed)
+    return Run(_read(loop, context, loop.mpc.followed(mine) or plan), plan, end / elapsed)
 
 
 def _end(scenario: Scenario, followed: Plan | Command) -> float:
     """When the simulation of a motion ends [s], counted from its own start."""
     settings = scenario.simulation
     return settings.lead_time + max(followed.end_time, followed.touchdown_time) + settings.settle_time
-
-
-def _followed(loop: Loop, context: Context, plan: Plan) -> Plan | Command:
-    """The newest command of an MPC that plans again, else the plan."""
-    if not isinstance(loop.mpc, RecedingHorizonController):
-        return plan
-    return loop.mpc.last_command(loop.mpc.GetMyContextFromRoot(context)) or plan
 
 
 def _advance(simulator: Simulator, until: float) -> None:
