@@ -197,15 +197,13 @@ def separation(layout: Layout, scenario: Scenario, n_flight: int) -> list[Constr
     The gap demanded grows as ½ a_sep t² up to `separation_gap`.  The block is taken to stay where it touches down, the
     tool where it comes to rest, whichever is first.
     """
-    geometry, planner, r = Geometry.of(scenario), scenario.planner, layout.release
+    planner, r = scenario.planner, layout.release
     j = np.arange(1, max(layout.n_brake, n_flight) + 1)
     time, tool = np.minimum(j, n_flight) * planner.sampling_time, np.minimum(r + j, layout.intervals)
     gap = np.minimum(planner.separation_gap, planner.separation_acceleration * (j * planner.sampling_time) ** 2 / 2)
     columns = [layout.x(r, c) for c in range(6)] + [layout.x(tool, c) for c in range(3)]
-    return [
-        Constraint.of(SEPARATION, separation_law, columns, sign * geometry.half_length, n, time, gap)
-        for sign, n in ((1, -geometry.half_thickness), (-1, -geometry.half_thickness))
-    ]
+    lower = [(s, n) for s, n in Geometry.of(scenario).block if n < 0]
+    return [Constraint.of(SEPARATION, separation_law, columns, s, n, time, gap) for s, n in lower]
 
 
 def in_flight(layout: Layout, scenario: Scenario, n_flight: int) -> list[Constraint]:

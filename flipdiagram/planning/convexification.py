@@ -166,12 +166,10 @@ class Convexification:
 
     def rows(self, point: Trajectory) -> tuple[Rows, JointMotion]:
         """All inequality rows, linearised about a trajectory, and the arm's motion along it."""
-        layout, first = self.layout, self.layout.release - point.n_contact
-        motion, w = self._follow(point), layout.pack(point.states, point.inputs)
+        motion, w = self._follow(point), self.layout.pack(point.states, point.inputs)
         others = self._linearisation(point.n_contact, point.n_flight, self.shift).at(w)
-        joints = limits.joint_rows(
-            layout, motion, self.moving(point), self.motion, self.allowed, first, self._in_motion
-        )
+        at = self.moving(point)
+        joints = limits.joint_rows(self.layout, motion, at, self.motion, self.allowed, self._in_motion)
         return Rows.about(w, [others, *joints]), motion
 
     def _make_linearisation(self, n_contact: int, n_flight: int, shift: float) -> Linearisation:

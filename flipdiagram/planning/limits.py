@@ -70,7 +70,6 @@ def joint_rows(
     point: tuple[Floats, Floats],
     arm: ArmMotion,
     allowed: Allowed,
-    first: int = 0,
     given_start: bool = False,
 ) -> list[Part]:
     """Constraints that keep position, speed and torque of each joint inside what is allowed, near a motion of the arm.
@@ -80,13 +79,12 @@ def joint_rows(
     Args:
         layout: of the decision vector.
         motion: the arm's along `point`.
-        point: states and inputs of the tool from sample `first` of the layout on.
+        point: states and inputs of the tool in the last intervals of the layout, those that move.
         arm: what moves so.
         allowed: positions, speeds and torques.
-        first: where the motion starts.
         given_start: in motion, with position and speed that no row could change.
     """
-    skip, states = int(given_start), point[0]
+    states, first, skip = point[0], layout.intervals - len(point[1]), int(given_start)
     use = (motion.q - allowed.middle) / allowed.half
     near = np.abs(use) > NEAR
     near[:skip] = False

@@ -71,7 +71,7 @@ def test_rows_are_the_linearised_limits_of_the_joints_near_them(arm, seed, nativ
         waiting = np.zeros(9 * FIRST)
         return np.concatenate([waiting, np.hstack([states[:-1], inputs]).ravel(), states[-1]])
 
-    parts = limits.joint_rows(LAYOUT, motion, (states, inputs), mover, allowed, FIRST)
+    parts = limits.joint_rows(LAYOUT, motion, (states, inputs), mover, allowed)
     rows = Rows.about(packed(states, inputs), parts)
     a, b, groups = rows.matrix(LAYOUT.size), rows.upper, np.array(rows.names())
 
@@ -131,7 +131,7 @@ def test_an_arm_at_rest_needs_no_speed_rows(arm):
     q = arm.inverse_kinematics(task_pose(states[0], X))
     motion = ArmMotion(arm, X).follow(states, inputs, q)
     np.testing.assert_allclose(motion.torque[0], np.tile(arm.gravity_torque(q), (4, 1)), atol=1e-9)
-    parts = limits.joint_rows(LAYOUT, motion, (states, inputs), ArmMotion(arm, X), Allowed.of(arm, Scenario()), FIRST)
+    parts = limits.joint_rows(LAYOUT, motion, (states, inputs), ArmMotion(arm, X), Allowed.of(arm, Scenario()))
     assert {name for each in parts for name, _ in each.groups} == {POSITION}
     uses = limits.limit_use(motion, arm)
     np.testing.assert_allclose(uses[SPEED], 0, atol=1e-12)
@@ -146,7 +146,7 @@ def test_a_start_in_motion_has_no_rows_of_its_own_position_and_speed(arm):
     allowed = Allowed(np.full(6, 9.0), np.full(6, 1e-3), tight, np.full(6, np.inf))
     counts = []
     for given_start in (False, True):
-        parts = limits.joint_rows(LAYOUT, motion, (states, inputs), mover, allowed, FIRST, given_start)
+        parts = limits.joint_rows(LAYOUT, motion, (states, inputs), mover, allowed, given_start)
         columns = np.concatenate([each.columns for each in parts])
         assert columns.min() == 9 * (FIRST + given_start)
         counts.append(sum(each.margin.size for each in parts))
