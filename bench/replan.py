@@ -10,6 +10,7 @@ from functools import partial
 from importlib.util import find_spec
 from typing import Any
 
+import daqp
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from flipdiagram.planning.arm_motion import ArmMotion, task_pose
 from flipdiagram.planning.condensed import CondensedProgram
 from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.convexification import Convexification, Program
-from flipdiagram.planning.dense import EQUALITY, TOLERANCE, load_daqp
+from flipdiagram.planning.dense import EQUALITY, TOLERANCE
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.program import HorizonProgram, Solution
@@ -194,7 +195,7 @@ def _raw(program: CondensedProgram) -> float:
     """DAQP on the matrices that the last update made."""
     assert program.program is not None
     f, A, low, high, equalities, *_ = program.program
-    daqp, unit, kind = load_daqp(), np.eye(f.size), np.zeros(low.size, dtype=np.int32)
+    unit, kind = np.eye(f.size), np.zeros(low.size, dtype=np.int32)
     kind[:equalities] = EQUALITY
     elapsed, (_, _, flag, _) = timed(lambda: daqp.solve(unit, f, A, high, low, kind, primal_tol=TOLERANCE))
     if flag != 1:

@@ -53,12 +53,10 @@ class CondensedProgram:
     """min J + smoothing over the horizon in the accelerations alone; `update` and `solve` are `HorizonProgram`'s.
 
     Each solve depends on the last `update` alone, to the bit: the guess from which it starts is the trajectory about
-    which the rows were linearised.  Slacks are not offered: an infeasible program ends with success False.  Raises
-    InputError where the package daqp is missing.
+    which the rows were linearised.  Slacks are not offered: an infeasible program ends with success False.
     """
 
     def __init__(self, layout: Layout, sampling_time: float, cost: LandingCost, smoothing: float) -> None:
-        dense.load_daqp()
         self.layout, self.sampling_time, self.cost = layout, sampling_time, cost
         self._released = slice(STRIDE * layout.release, STRIDE * layout.release + STATES)
         self._basis = unit_smoothing_basis(layout, sampling_time, smoothing)

@@ -10,7 +10,7 @@ import numpy as np
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import constraints, limits
-from flipdiagram.planning.arm_motion import JointMotion, arm_motion, task_pose
+from flipdiagram.planning.arm_motion import ArmMotion, JointMotion, arm_motion, task_pose
 from flipdiagram.planning.condensed import CondensedProgram
 from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.horizon import Layout
@@ -70,8 +70,7 @@ TURN = (0.8, 1.6, 2.4)
 class Convexification:
     """Solves single horizons of a scenario.  The program is built here, once; `settle` changes its numbers.
 
-    native: linearise by machine code, equal to rounding; None: where the solver is the condensed program's.  The first
-    plan of other solvers so needs no numba, whose import and first compilation would take longer than they save.
+    native: linearise by machine code, equal to rounding; None: where the solver is the condensed program's.
     """
 
     def __init__(self, scenario: Scenario, arm: ArmModel, native: bool | None = None) -> None:
@@ -83,17 +82,27 @@ class Convexification:
         self.start = np.array([task.start_y, task.start_z, 0.0, 0.0, 0.0, 0.0])
         self.shift, self._in_motion = 0.0, False
         self.program_times: list[float] = []
-        self._program = self.program(settings.solver)
         self._native = settings.solver == CONDENSED if native is None else native
-        self.motion = arm_motion(arm, task.start_x, self._native)
         self._linearisation = lru_cache(CACHED)(self._make_linearisation)
-        if self._native:  # whatever is to be compiled is compiled now, not in the middle of a motion
-            self._linearisation(self.layout.release, 1, 0.0).at(np.zeros(self.layout.size))
+
+    def compile(self) -> None:
+        """Compile now, not in the middle of a motion, whatever is to be compiled; else that is at the first need."""
+        assert self.motion and self._program
+        self._linearisation(self.layout.release, 1, 0.0).at(np.zeros(self.layout.size))
+
+    @cached_property
+    def _program(self) -> Program:
+        return self.program(self.scenario.planner.solver)
+
+    @cached_property
+    def motion(self) -> ArmMotion:
+        """How the arm moves."""
+        return arm_motion(self.arm, self.scenario.task.start_x, self._native)
 
     def program(self, solver: str, elastic_groups: Sequence[str] = ()) -> Program:
         """The program of a `planner.solver`; with elastic groups it has slacks, which only Drake's programs offer.
 
-        Raises InputError where the solver is not built in, has no licence, or its package is not installed.
+        Raises InputError where the solver is not built in or has no licence.
         """
         numbers = self.layout, self.scenario.planner.sampling_time, self.cost, self.scenario.planner.smoothing
         if solver == CONDENSED and not elastic_groups:

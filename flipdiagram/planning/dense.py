@@ -9,14 +9,13 @@ take DAQP 2.5 times as long with 25 intervals and 35 times with 50.
 """
 
 from dataclasses import dataclass
-from functools import cache, lru_cache
-from importlib import import_module
-from typing import Any, NamedTuple
+from functools import lru_cache
+from typing import NamedTuple
 
+import daqp
 import numpy as np
 
 from flipdiagram.arrays import Floats
-from flipdiagram.errors import InputError
 
 ROWS_PER_VARIABLE = 1.5
 """Rows given to DAQP at first, per variable; a solution has no more active rows than variables."""
@@ -68,19 +67,9 @@ class Minimum:
         return self.status == STATUS[1]
 
 
-@cache
-def load_daqp() -> Any:
-    """The module daqp; raises InputError, which says how to install it, where it is missing."""
-    try:
-        return import_module("daqp")
-    except ImportError:
-        problem = "scenario field 'planner.solver' = 'daqp' needs the package daqp: pip install 'flipdiagram[fast]'"
-        raise InputError.of("planner.solver", "daqp", "clarabel without it", problem) from None
-
-
 def minimise(program: DenseProgram) -> Minimum:
     """The minimum by DAQP."""
-    daqp, (f, A, low, high, equalities, slack, norm) = load_daqp(), program
+    f, A, low, high, equalities, slack, norm = program
     if not norm.all():  # rows of zeros decide about nothing
         nothing = norm == 0.0
         if np.any(nothing & ((low > TOLERANCE) | (high < -TOLERANCE))):

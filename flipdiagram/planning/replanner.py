@@ -26,6 +26,7 @@ class Replanner:
     def __init__(self, scenario: Scenario, arm: ArmModel) -> None:
         self.scenario, self.arm = scenario, arm
         self.horizons = Convexification(scenario, arm, native=True)
+        self.horizons.compile()
 
     def samples_left(self, plan: Plan, elapsed: float) -> int:
         """Contact samples of `plan` that are left at `elapsed` [s] of it."""

@@ -113,7 +113,7 @@ class Planner(Section):
     )
     blend_time: float = quantity(0.2, "s", "in which the command passes over to a new plan", gt=0)
     solver: Literal["clarabel", "osqp", "scs", "ipopt", "snopt", "mosek", "gurobi", "daqp"] = Field(
-        "clarabel", description="solver behind MathematicalProgram; daqp: the condensed program, of the extra `fast`"
+        "daqp", description="daqp solves the condensed program; the others stand behind MathematicalProgram"
     )
 
     @model_validator(mode="after")

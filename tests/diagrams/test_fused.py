@@ -45,8 +45,7 @@ def random_ticks(arm, count=40):
     rng = np.random.default_rng(3)
     sizes = {"x_cmd": 6, "v_cmd": 6, "a_cmd": 6, "q": arm.n_joints, "qd": arm.n_joints}
     return [
-        {name: _about(name, arm) + 0.01 * rng.normal(size=size) for name, size in sizes.items()}
-        for _ in range(count)
+        {name: _about(name, arm) + 0.01 * rng.normal(size=size) for name, size in sizes.items()} for _ in range(count)
     ]
 
 
