@@ -29,6 +29,7 @@ COLOURS = {
     "diverged": "#000000",
     "refused": "#777777",
     "timeout": "#56B4E9",
+    "memory": "#88CCEE",
     "crashed": "#0072B2",
 }
 """Of the outcomes, in the order of `MODES`; Okabe and Ito's and Tol's, which colour-blind readers can tell apart."""

@@ -79,7 +79,7 @@ def run(
             check_estimate(specification, width, missing / specification.rows)
             progress(f"{specification.rows} flips, {missing} of them to be flown, on {workers.name}")
             tick = Clock(missing, progress).tick
-            flying = Flying(workers, store, work, specification.timeout, tick, any_version)
+            flying = Flying(workers, store, work, specification.limits, tick, any_version)
             fly_all(missing_flights(specification, done), flying)
         return Ended(file, missing, workers.name)
 

@@ -10,6 +10,7 @@ from typing import Any
 from flipdiagram.arrays import Floats
 from flipdiagram.campaign import sampling
 from flipdiagram.campaign.distributions import Distribution
+from flipdiagram.flips.child_process import MEMORY, Limits
 from flipdiagram.flips.flight import Flight
 from flipdiagram.flips.flip import PLAN_SECTIONS
 from flipdiagram.scenario.scenario import Scenario, field_paths
@@ -61,6 +62,8 @@ class Specification:
     architectures: tuple[str, ...]
     timeout: float
     """Seconds after which a flip, or the planning of one, is given up."""
+    memory: float = MEMORY
+    """GB of a process above which it is given up."""
     known: tuple[str, ...] = ()
     """Fields of the world whose drawn value planner and controller know."""
     limit_hours: float = 12.0
@@ -68,6 +71,11 @@ class Specification:
     """The file, as it was read."""
     name: str = "campaign.yaml"
     """What it is called in errors."""
+
+    @property
+    def limits(self) -> Limits:
+        """What a flip may take."""
+        return Limits(self.timeout, self.memory)
 
     @cached_property
     def points(self) -> Floats:
@@ -138,7 +146,7 @@ class Specification:
             "trials": self.trials,
             "architectures": list(self.architectures),
             "timeout": self.timeout,
-        }
+        } | ({"memory": self.memory} if self.memory != MEMORY else {})
 
     @cached_property
     def digest(self) -> str:

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar, get_args
 from pydantic import BaseModel, Field, ValidationError
 
 from flipdiagram.errors import InputError
+from flipdiagram.flips.child_process import MEMORY
 from flipdiagram.scenario.scenario import ARCHITECTURES, Architecture
 from flipdiagram.scenario.text import Section
 from flipdiagram.scenario.yaml_reader import Lines, line_of, read_mapping, show
@@ -38,6 +39,7 @@ class SpecificationFile(Section):
         get_args(Architecture), min_length=1, description=f"a list of {', '.join(ARCHITECTURES)}, each once"
     )
     timeout: float = Field(120.0, gt=0, description=POSITIVE)
+    memory: float = Field(MEMORY, gt=0, description=POSITIVE)
     limit_hours: float = Field(12.0, gt=0, description=POSITIVE)
     tune: Any = Field(None, description="the section that `tuning.TuneSection` checks")
 

@@ -79,7 +79,7 @@ def tune(
     clock = Clock(count * specification.trials + 2 * held_out.trials, progress)
     file = open_to_write(Path(out) / "tune.sqlite", {"digest": "flips of a tuner"})
     with file as store, workers_of(jobs, scheduler) as workers:
-        flying = Flying(workers, store, work, specification.timeout, clock.tick)
+        flying = Flying(workers, store, work, specification.limits, clock.tick)
         default = {path: value_of(specification.base, path) for path in tuning.over}
         tried = _fly(specification, [default], tuning, flying, clock)
         search.tell_default(tried[0])

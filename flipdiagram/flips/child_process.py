@@ -6,6 +6,7 @@ becomes of the trial whose call ends so is decided in `driver`.
 A child is a plain subprocess on a socket pair: nothing listens, and it may be started where daemons may not fork.
 """
 
+import ctypes
 import os
 import pickle
 import signal
@@ -13,11 +14,12 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import Any, NamedTuple
 
 from flipdiagram.errors import FlipdiagramError
 
@@ -29,12 +31,32 @@ STARTS = 12
 """How often a child is started that ends before it is ready."""
 IDLE = 120.0
 """Seconds without a call after which a child ends, as in a Dask worker whose campaign is over."""
+MEMORY = 2.0
+"""GB that the process of a flip may hold; it needs 0.4, and 3 MB more for each flip that it has flown."""
+LOOK = 0.25
+"""Seconds between two looks at the memory of a child that makes a call."""
+PR_SET_PDEATHSIG = 1
+"""Of Linux's prctl: the signal that a process gets when the thread that started it ends."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Set to 1 in children: they share the cores already, and sums come out the same on every machine."""
 
 
-class TrialTimeoutError(Exception):
-    """The call took longer than it may; its child was killed."""
+class Limits(NamedTuple):
+    """What a call may take: time [s], and memory of its process [GB], which is watched where there is a /proc."""
+
+    seconds: float
+    gigabytes: float
+
+
+class TrialLimitError(Exception):
+    """The call took more than it may; its child was killed.  `kind`: timeout or memory."""
+
+    def __init__(self, kind: str, message: str) -> None:
+        super().__init__(message)
+        self.kind = kind
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.kind, str(self))
 
 
 class WorkerLostError(Exception):
@@ -53,7 +75,8 @@ class Child:
     def __init__(self) -> None:
         parent_end, child_end = socket.socketpair()
         alive_read, self._alive = os.pipe()  # the child sees its end close when this process is gone
-        program = f"from flipdiagram.flips.child_process import serve; serve({child_end.fileno()}, {alive_read})"
+        ends = f"{child_end.fileno()}, {alive_read}, {os.getpid()}"
+        program = f"from flipdiagram.flips.child_process import serve; serve({ends})"
         environment = os.environ | {name: "1" for name in THREADS}
         environment["PYTHONPATH"] = os.pathsep.join(path for path in sys.path if path)
         try:
@@ -83,16 +106,14 @@ class Child:
         """Whether a new child should take the next call."""
         return self._closed or self.calls >= RECYCLED_AFTER or self._process.poll() is not None
 
-    def call(self, function: Callable[..., Any], arguments: tuple[Any, ...], timeout: float | None) -> Any:
-        """What function(*arguments) returns there; timeout [s].
+    def call(self, function: Callable[..., Any], arguments: tuple[Any, ...], limits: Limits | None) -> Any:
+        """What function(*arguments) returns there.
 
-        Raises TrialTimeoutError, WorkerLostError, or TrialError with what it raised.
+        Raises TrialLimitError, WorkerLostError, or TrialError with what it raised.
         """
         try:
             self._connection.send((function, arguments))
-            if not self._connection.poll(timeout):
-                self.close()
-                raise TrialTimeoutError(f"took longer than {timeout:g} s")
+            self._wait(limits)
             value, failure, error = self._connection.recv()
         except (EOFError, OSError):
             self.close()
@@ -103,6 +124,18 @@ class Child:
             lost.error = error
             raise lost
         return value
+
+    def _wait(self, limits: Limits | None) -> None:
+        """Until there is an answer; TrialLimitError, the process killed, where it takes too much."""
+        begin = time.monotonic()
+        while not self._connection.poll(None if limits is None else LOOK):
+            assert limits is not None, "without limits poll waits for ever"
+            if time.monotonic() - begin > limits.seconds:
+                self.close()
+                raise TrialLimitError("timeout", f"took longer than {limits.seconds:g} s")
+            if _resident(self.pid) > limits.gigabytes * 1e9:
+                self.close()
+                raise TrialLimitError("memory", f"took more than {limits.gigabytes:g} GB of memory")
 
     def close(self) -> None:
         """End the process and release what belongs to it."""
@@ -121,7 +154,7 @@ _children: set[Child] = set()
 _thread = threading.local()
 
 
-def in_child(function: Callable[..., Any], arguments: tuple[Any, ...], timeout: float | None = None) -> Any:
+def in_child(function: Callable[..., Any], arguments: tuple[Any, ...], limits: Limits | None = None) -> Any:
     """As `Child.call`, in the child of this thread, started or replaced as needed."""
     child: Child | None = getattr(_thread, "child", None)
     if child is None or child.spent:
@@ -129,7 +162,7 @@ def in_child(function: Callable[..., Any], arguments: tuple[Any, ...], timeout: 
             child.close()
         child = _thread.child = _started(function.__module__)
     child.calls += 1
-    return child.call(function, arguments, timeout)
+    return child.call(function, arguments, limits)
 
 
 def _started(module: str) -> Child:
@@ -137,7 +170,7 @@ def _started(module: str) -> Child:
     for start in range(1, STARTS + 1):
         child = Child()
         try:
-            child.call(_load, (module,), START_TIMEOUT)
+            child.call(_load, (module,), Limits(START_TIMEOUT, float("inf")))
             break
         except WorkerLostError:
             if start == STARTS:
@@ -163,8 +196,9 @@ def close_children() -> None:
         child.close()
 
 
-def serve(connection_fd: int, alive_fd: int) -> None:
-    """The child's life: answer calls until the parent is gone or has nothing to do for `IDLE`."""
+def serve(connection_fd: int, alive_fd: int, parent: int) -> None:
+    """The child's life: answer calls until the parent, its process id, is gone or has nothing to do for `IDLE`."""
+    _die_with(parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole process group; the parent decides
     threading.Thread(target=_end_with_parent, args=(alive_fd,), daemon=True).start()
     connection = Connection(connection_fd)
@@ -185,6 +219,23 @@ def _answer(message: bytes) -> tuple[Any, str | None, FlipdiagramError | None]:
 
 def _load(module: str) -> None:
     import_module(module)
+
+
+def _resident(pid: int) -> int:
+    """Memory that a process holds [B]; 0 where the system does not say."""
+    try:
+        with open(f"/proc/{pid}/statm", encoding="ascii") as file:
+            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, IndexError):
+        return 0
+
+
+def _die_with(parent: int) -> None:
+    """On Linux the kernel kills this process with the one that started it, whatever native code either is in."""
+    with suppress(AttributeError, OSError):  # elsewhere the watcher does it, as soon as it gets the interpreter's lock
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # it was gone before
+        os._exit(1)
 
 
 def _end_with_parent(alive_fd: int) -> None:

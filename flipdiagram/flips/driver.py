@@ -2,7 +2,7 @@
 
 What becomes of a trial whose process hangs, crashes or is killed:
 
-* It takes longer than it may: its process is killed, and `timeout` is its outcome.
+* It takes more time or memory than it may: its process is killed, and `timeout` or `memory` is its outcome.
 * It raises an exception: that is a bug, `crashed` is its outcome, and the exception stands in its row.
 * Its process is lost in the middle, killed or out of memory: that says nothing about the trial.  It is tried again in a
   new process, `ATTEMPTS` times in all; then it is `crashed` too.
@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 from flipdiagram.errors import InputError, SimulationError, first_line
 from flipdiagram.files import plain
-from flipdiagram.flips.child_process import TrialError, TrialTimeoutError
+from flipdiagram.flips.child_process import Limits, TrialError, TrialLimitError
 from flipdiagram.flips.flight import Flight, Landed, Planned, Work, provenance
 from flipdiagram.flips.flip import scenario_digest
 from flipdiagram.flips.outcome import Outcome
@@ -47,8 +47,8 @@ class Flying:
     workers: Workers
     store: Store
     work: Work
-    timeout: float
-    """Seconds after which a plan or a flip is given up."""
+    limits: Limits
+    """What a plan or a flip may take before it is given up."""
     tick: Callable[[], object] = lambda: None
     """Called for each flip that has been kept."""
     any_code: bool = False
@@ -166,7 +166,7 @@ class _Driver:
         self, function: Callable[..., Any], arguments: tuple[Any, ...], landed: Callable[[Future[Any]], None]
     ) -> None:
         try:
-            future = self._workers.submit(function, arguments, self._flying.timeout)
+            future = self._workers.submit(function, arguments, self._flying.limits)
         except Exception as error:  # each kind of workers has its own
             raise _gone(self._workers, error) from None
         self._under_way[future] = landed
@@ -228,8 +228,8 @@ def _ended(future: Future[Any], attempts: int, workers: Workers, planning: bool 
     what = "planning " if planning else ""
     try:
         return _Ended(future.result())
-    except TrialTimeoutError as error:
-        return _Ended(failure=f"timeout: {what}{error}")
+    except TrialLimitError as error:
+        return _Ended(failure=f"{error.kind}: {what}{error}")
     except TrialError as error:
         if planning and isinstance(error.error, InputError):
             raise error.error from None

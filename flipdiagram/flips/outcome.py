@@ -22,6 +22,7 @@ MODES = (
     "diverged",
     "refused",
     "timeout",
+    "memory",
     "crashed",
 )
 """Every outcome.
@@ -32,9 +33,9 @@ A dropped block `tipped` where it lifted off the blade further than it slid, els
 `LIMITED` [s] in all from the start of the motion until the block left the blade or the blade hit the table, whichever
 came first; saturation after that is a consequence.  A flip that succeeds with saturated torque is a success.
 """
-NOT_PHYSICS = ("timeout", "crashed", "refused")
+NOT_PHYSICS = ("timeout", "memory", "crashed", "refused")
 """Outcomes that say nothing about the controller: they are not counted as trials of it."""
-LOST = ("timeout", "crashed")
+LOST = ("timeout", "memory", "crashed")
 """Outcomes of which another run may make something else."""
 LIMITED = 0.02
 """Time [s] for which torque may be at its limit without being the reason of a failure.

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from flipdiagram.errors import SimulationError
+from flipdiagram.flips.child_process import MEMORY, Limits
 from flipdiagram.flips.driver import Flying, fly_all
 from flipdiagram.flips.flight import Flight, Work, fly_flight, plan_flight
 from flipdiagram.flips.flip import Flip
@@ -37,8 +38,8 @@ def run_flips(
                 store.forget(key, flip.architecture)
             with Workers(jobs) as workers:
                 flights = [_flight(key, flip, out) for key, flip in missing.items()]
-                timeout = max(map(_timeout, missing.values()))
-                fly_all(flights, Flying(workers, store, WORK, timeout, Clock(len(missing), progress).tick))
+                limits = Limits(max(map(_timeout, missing.values())), MEMORY)
+                fly_all(flights, Flying(workers, store, WORK, limits, Clock(len(missing), progress).tick))
         outcomes = [_outcome(flip, store) for flip in flips]
     for outcome in outcomes:
         if outcome.mode in LOST:

@@ -7,7 +7,7 @@ from contextlib import suppress
 from typing import Any, Self, TypeVar
 
 from flipdiagram.errors import InputError, SimulationError, first_line
-from flipdiagram.flips.child_process import TrialError, WorkerLostError, close_children, in_child, kill_children
+from flipdiagram.flips.child_process import Limits, TrialError, WorkerLostError, close_children, in_child, kill_children
 from flipdiagram.flips.flip import SOURCES, code_version
 
 CONNECT_TIMEOUT = 10.0
@@ -51,9 +51,11 @@ class Workers:
         """Whether they can still be used."""
         return True
 
-    def submit(self, function: Callable[..., Any], arguments: tuple[Any, ...], timeout: float | None) -> Future[Any]:
-        """A call to be made as soon as a worker is free; timeout [s] once it has begun."""
-        call = self._executor.submit(in_child, function, arguments, timeout)
+    def submit(
+        self, function: Callable[..., Any], arguments: tuple[Any, ...], limits: Limits | None = None
+    ) -> Future[Any]:
+        """A call to be made as soon as a worker is free; limits: what it may take once it has begun."""
+        call = self._executor.submit(in_child, function, arguments, limits)
         self._calls.add(call)
         call.add_done_callback(self._calls.discard)
         return call
@@ -62,7 +64,7 @@ class Workers:
         self, function: Callable[..., Result], tasks: Sequence[tuple[Any, ...]]
     ) -> Iterator[tuple[int, Result]]:
         """Begin the tasks; (index of a task, its result) in the order in which they end; raises what a task raises."""
-        futures = {self.submit(function, task, None): index for index, task in enumerate(tasks)}
+        futures = {self.submit(function, task): index for index, task in enumerate(tasks)}
         return self._in_order_of_end(futures)
 
     def _in_order_of_end(self, futures: dict[Future[Any], int]) -> Iterator[tuple[int, Any]]:

@@ -223,5 +223,5 @@ def test_a_value_that_makes_no_sense_is_refused_by_the_name_of_its_field(path, v
 @pytest.mark.parametrize("field", ["link_inertia_scales", "reflected_inertia_scales"])
 def test_as_many_scales_as_joints_are_needed(field):
     scenario = Scenario().with_overrides({f"arm.{field}": (1.0, 2.0)})
-    with pytest.raises(InputError, match=rf"{field} = .* has 2 entries; valid is one per joint"):
+    with pytest.raises(InputError, match=rf"'arm.{field}' = .* has 2 entries; valid is one per joint"):
         build_loop(scenario)

@@ -1,5 +1,6 @@
 """What workers are asked to do in tests; they import this module by its name: `flips.tasks`."""
 
+import ctypes
 import os
 import signal
 import time
@@ -11,6 +12,17 @@ from flipdiagram.flips.flight import fly_flight
 def pid_after(seconds):
     time.sleep(seconds)
     return os.getpid()
+
+
+def hold_the_interpreter(seconds):
+    """Native code that does not let go of the interpreter's lock, so no thread of Python runs."""
+    ctypes.PyDLL(None).sleep(seconds)
+
+
+def take(gigabytes):
+    held = bytearray(int(gigabytes * 1e9))
+    held[::4096] = b"x" * len(held[::4096])
+    time.sleep(600)
 
 
 def refuse(path):

@@ -52,7 +52,7 @@ def run(
     with Workers(jobs) as workers:
         # the workers import Drake while this process plans
         for _ in range(min(jobs or len(architectures), len(architectures))):
-            workers.submit(_import_only, (), None)
+            workers.submit(_import_only, ())
         progress("planning")
         plan = plan_motion(scenario)
         progress(f"planned in {plan.solve_time:.2f} s: J = {plan.cost:.3f}; simulating {', '.join(architectures)}")
