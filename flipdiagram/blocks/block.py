@@ -128,16 +128,16 @@ class Block(LeafSystem):
 
     def outputs(self, names: Sequence[str], size: int, law: Law) -> None:
         """Declare output ports, shape (size,), of the values of one law, which runs once for all of them."""
-        evaluate, tickets = self._evaluated(law)
-        producer = ValueProducer(
-            allocate=lambda: Value[object](), calc=lambda context, value: value.set_value(evaluate(context))
-        )
-        entry = self.DeclareCacheEntry(", ".join(names), producer, tickets)
+        read, ticket = self._evaluated_once(", ".join(names), law)
         for i, name in enumerate(names):
             self.laws[name] = law, i
             self.DeclareVectorOutputPort(
-                name, size, lambda context, output, i=i: output.set_value(entry.Eval(context)[i]), {entry.ticket()}
+                name, size, lambda context, output, i=i: output.set_value(read(context)[i]), {ticket}
             )
+
+    def intermediate(self, name: str, law: Law) -> None:
+        """Declare a law's value that other laws take by its name; it runs once for all of them."""
+        self._sources[name] = self._evaluated_once(name, law)
 
     def update(self, law: Law, period: float, offset: float = 0.0) -> None:
         """Declare that the state becomes a law's value each `period`, first at `offset` [s]; both become attributes."""
@@ -172,6 +172,15 @@ class Block(LeafSystem):
                 read = partial(_constant, getattr(self, name))
             reads.append(read)
         return lambda context: law(*[read(context) for read in reads]), tickets
+
+    def _evaluated_once(self, name: str, law: Law) -> tuple[Callable[[ScalarContext], Any], DependencyTicket]:
+        """The law as a function of the Context that runs when what it depends on has changed, and its ticket."""
+        evaluate, tickets = self._evaluated(law)
+        producer = ValueProducer(
+            allocate=lambda: Value[object](), calc=lambda context, value: value.set_value(evaluate(context))
+        )
+        entry = self.DeclareCacheEntry(name, producer, tickets)
+        return entry.Eval, entry.ticket()
 
 
 def _constant(value: Any, context: ScalarContext) -> Any:

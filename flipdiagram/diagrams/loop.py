@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from pydrake.geometry import Meshcat, MeshcatVisualizer
+from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
 
@@ -22,12 +22,19 @@ from flipdiagram.diagrams.start import Start, start_of
 from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.planner import Planner
 from flipdiagram.planning.replanner import FEWEST, Replanner
-from flipdiagram.plants.cell import Cell, add_cell
+from flipdiagram.plants.cell import add_cell
+from flipdiagram.plants.handle import Cell
+from flipdiagram.plants.mujoco_cell import add_mujoco_cell
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import Scenario
 
 Controller = ControllerBoxes | NativeController
+ENGINES: dict[str, Callable[[DiagramBuilder, Scenario, ArmModel, Floats], Cell]] = {
+    "drake": add_cell,
+    "mujoco": add_mujoco_cell,
+}
+"""What adds a cell, by `simulation.engine`."""
 SATURATED = 1e-6
 """Relative distance to a torque limit below which a joint counts as too weak."""
 REPLANNING = ("solve_time", "iterations", "status", "cone_margin")
@@ -137,7 +144,7 @@ def build_loop(
 
     builder = DiagramBuilder()
     mpc = builder.AddNamedSystem("mpc", _mpc(scenario, motion, start, planner or motion.plan))
-    cell = add_cell(builder, scenario, arm, start.q)
+    cell = ENGINES[scenario.simulation.engine](builder, scenario, arm, start.q)
     seen = add_sensing(builder, scenario, cell.q, cell.qd, start.q, offset)
     signals = {**{name: mpc.GetOutputPort(name) for name in COMMANDS}, "q": seen.q, "qd": seen.qd}
     boxes: Controller
@@ -156,7 +163,7 @@ def build_loop(
 
     logs = _record(builder, mpc, boxes, cell, tau, period) if record else {}
     if meshcat is not None:
-        MeshcatVisualizer.AddToBuilder(builder, cell.scene_graph, meshcat)
+        cell.show(builder, meshcat)
     diagram = build_diagram(builder, replace)
     diagram.set_name(architecture)
     return Loop(diagram, scenario, architecture, arm, mpc, seen, boxes, cell, start.q, logs, tuple(replace or ()))

@@ -1,84 +1,45 @@
 """The robot cell of section IV: arm, spatula, block and table in one MultibodyPlant, with joint friction."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.geometry import SceneGraph
-from pydrake.math import RigidTransform
+from pydrake.geometry import Meshcat, MeshcatVisualizer, SceneGraph
 from pydrake.multibody.plant import AddMultibodyPlant, ContactResults, MultibodyPlant, MultibodyPlantConfig
-from pydrake.multibody.tree import BodyIndex, JacobianWrtVariable
-from pydrake.systems.framework import Context, DiagramBuilder, InputPort, LeafSystem, OutputPort
-from pydrake.systems.primitives import Adder, Demultiplexer
+from pydrake.multibody.tree import BodyIndex
+from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.primitives import Demultiplexer
 
 from flipdiagram.arrays import Floats
 from flipdiagram.blocks.block import Block
-from flipdiagram.blocks.friction import JointFriction, stable_transition_velocity
-from flipdiagram.errors import InputError
-from flipdiagram.plants.push import Push
+from flipdiagram.plants.handle import Cell, add_joint_torque, add_model, add_push
 from flipdiagram.robot.arm import ArmModel
-from flipdiagram.robot.parts import Parts, add_parts
+from flipdiagram.robot.parts import Parts
 from flipdiagram.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True)
-class Cell:
-    """Handles to the cell: its ports, and the parts inside."""
+class DrakeCell(Cell):
+    """The cell in Drake: `plant` moves it."""
 
-    plant: MultibodyPlant
     scene_graph: SceneGraph
-    parts: Parts
-    tau: InputPort
-    """Torques of the drives (n,) [N m]."""
-    q: OutputPort
-    qd: OutputPort
-    block: OutputPort
-    """Pose of the block, quaternion (w first) and position [m], then its velocity in the world: (13,)."""
-    poses: OutputPort
-    """Of all bodies, by their indices in `plant`."""
-    contact_wrench: OutputPort
-    systems: tuple[str, ...]
-    """Names of all systems of the cell."""
 
     def stand(self, context: Context, q: Floats) -> None:
-        """Put the arm at rest at angles q (n,) [rad] into a root Context, the block where it lies on the blade."""
+        """See `Cell`."""
         plant, X_TB = self.plant, self._block_on_blade
         context = plant.GetMyMutableContextFromRoot(context)
         plant.SetPositions(context, self.parts.arm.arm, q)
         plant.SetVelocities(context, np.zeros(plant.num_velocities()))
         plant.SetFreeBodyPose(context, self.parts.block, self.parts.arm.tool.CalcPoseInWorld(context) @ X_TB)
 
-    def holding_torque(self, q: Floats) -> Floats:
-        """Joint torques (n,) [N m] that hold arm and block still at q (n,) [rad], without friction of the joints."""
-        plant, arm, context = self.plant, self.parts.arm, self._own_context
-        plant.SetPositions(context, arm.arm, q)
-        centre = self._block_on_blade @ self.parts.block.default_com()
-        world = plant.world_frame()
-        J = plant.CalcJacobianTranslationalVelocity(context, JacobianWrtVariable.kV, arm.tool, centre, world, world)
-        weight = self.parts.block.default_mass() * plant.gravity_field().gravity_vector()
-        torque = plant.CalcGravityGeneralizedForces(context) + J.T @ weight
-        return -np.asarray(plant.GetVelocitiesFromArray(arm.arm, torque), dtype=float)
-
-    @cached_property
-    def _own_context(self) -> Context:
-        return self.plant.CreateDefaultContext()
-
-    @cached_property
-    def _block_on_blade(self) -> RigidTransform:
-        """Pose of the block's body in the tool's frame, as in the default Context."""
-        context = self.plant.CreateDefaultContext()
-        X_WT = self.parts.arm.tool.CalcPoseInWorld(context)
-        return X_WT.inverse() @ self.plant.GetFreeBodyPose(context, self.parts.block)
-
-
-CONTACT_PAIRS = ("blade-block", "table-block", "table-blade")
-"""Who pushes whom in the output of `ContactForces`: the first on the second."""
+    def show(self, builder: DiagramBuilder, meshcat: Meshcat) -> None:
+        """See `Cell`."""
+        MeshcatVisualizer.AddToBuilder(builder, self.scene_graph, meshcat)
 
 
 class ContactForces(Block):
-    """Contact forces, output `contact_wrench` (12,): force x, y, z [N] in world axes for each of `CONTACT_PAIRS`, then
-    the moment [N·m] of the first pair's forces, blade on block, about the world's origin.
+    """Contact forces, output `contact_wrench` (12,): force x, y, z [N] in world axes for each of the pairs
+    `handle.CONTACT_PAIRS`, then the moment [N·m] of the first pair's forces, blade on block, about the world's origin.
 
     Input `contact_results` of a MultibodyPlant.  Not scalar-convertible: it reads them over float.
     The forces belong to the step that begins at t: the plant's outputs are not sampled (see `add_cell`).
@@ -125,7 +86,7 @@ class ContactForces(Block):
                 wrench[9:] += sign * (couple + np.array([y * fz - z * fy, z * fx - x * fz, x * fy - y * fx]))
 
 
-def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start: Floats | None = None) -> Cell:
+def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start: Floats | None = None) -> DrakeCell:
     """Add the cell to a diagram, at rest with the block on the blade at the start of the task, level there.
 
     Args:
@@ -147,33 +108,17 @@ def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start
         use_sampled_output_ports=False,
     )
     plant, scene_graph = AddMultibodyPlant(config, builder)
-    parts = add_parts(plant, scenario)
-    plant.Finalize()
-    plant.set_name("robot")
-    if q_start is not None:
-        plant.SetDefaultPositions(parts.arm.arm, q_start)
-    task, unknown = scenario.task, scenario.disturbance
-    y = task.start_y + unknown.start_error + unknown.block_offset
-    plant.SetDefaultFloatingBaseBodyPose(parts.block, RigidTransform([task.start_x, y, task.start_z]))
-    n = arm.n_joints
-    friction = builder.AddNamedSystem("joint_friction", joint_friction(scenario, arm))
-    torque = builder.AddNamedSystem("joint_torque", Adder(2, n))
-    state = builder.AddNamedSystem("joint_state", Demultiplexer([n, n]))
+    parts = add_model(plant, scenario, q_start)
+    state = builder.AddNamedSystem("joint_state", Demultiplexer([arm.n_joints] * 2))
     contact = builder.AddNamedSystem("contact_forces", ContactForces(plant, parts))
     builder.Connect(plant.get_state_output_port(parts.arm.arm), state.get_input_port())
-    builder.Connect(state.get_output_port(1), friction.get_input_port())
-    builder.Connect(friction.get_output_port(), torque.get_input_port(1))
+    torque = add_joint_torque(builder, scenario, arm, state.get_output_port(1))
     builder.Connect(torque.get_output_port(), plant.get_actuation_input_port(parts.arm.arm))
     builder.Connect(plant.get_contact_results_output_port(), contact.get_input_port())
-    if any(unknown.push):  # at the centre of the blade's top surface
-        point = parts.arm.tool.GetFixedPoseInBodyFrame().translation()
-        begin = settings.lead_time + unknown.push_time
-        push = Push(parts.arm.spatula_body, point, unknown.push, begin, unknown.push_duration)
-        builder.AddNamedSystem("push", push)
-        builder.Connect(push.get_output_port(), plant.get_applied_spatial_force_input_port())
-    return Cell(
+    if any(scenario.disturbance.push):
+        add_push(builder, scenario, parts, plant.get_applied_spatial_force_input_port())
+    return DrakeCell(
         plant,
-        scene_graph,
         parts,
         tau=torque.get_input_port(0),
         q=state.get_output_port(0),
@@ -181,25 +126,6 @@ def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start
         block=plant.get_state_output_port(parts.block.model_instance()),
         poses=plant.get_body_poses_output_port(),
         contact_wrench=contact.get_output_port(),
-        systems=(plant.get_name(), "scene_graph", *(box.get_name() for box in (friction, torque, state, contact))),
+        systems=("robot", "scene_graph", "joint_friction", "joint_torque", "joint_state", "contact_forces"),
+        scene_graph=scene_graph,
     )
-
-
-def joint_friction(scenario: Scenario, arm: ArmModel) -> LeafSystem:
-    """The friction box of the scenario, its levels as fractions of each joint's rated torque.
-
-    Raises InputError where the friction would chatter: it acts explicitly, so its slope at rest is limited by the
-    joint's inertia (the diagonal of M at the arm's home pose) and the step.
-    """
-    level = scenario.joint_friction
-    coulomb, viscous = level.coulomb * arm.tau_rated, level.viscous * arm.tau_rated
-    needed = stable_transition_velocity(coulomb, np.diag(arm.mass_matrix(arm.home)), scenario.simulation.step)
-    if np.any(needed > level.transition_velocity):
-        worst = int(np.argmax(needed))
-        v_s, field = level.transition_velocity, "joint_friction.transition_velocity"
-        message = (
-            f"scenario field '{field}' = {v_s} rad/s makes joint {arm.joint_names[worst]} chatter at this step and"
-            f" level; valid is at least {needed[worst]:.4f} rad/s"
-        )
-        raise InputError(message, field=field, value=v_s, valid=needed[worst])
-    return JointFriction(coulomb, viscous, np.full(arm.n_joints, level.transition_velocity))

@@ -1,5 +1,6 @@
-"""An arm's chain of revolute joints as arrays, read from its plant: for loops that do without Drake's objects."""
+"""An arm's chain of revolute joints as arrays, read from a plant: for loops and engines that do without Drake's."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -7,6 +8,7 @@ from pydrake.multibody.tree import BodyIndex, RevoluteJoint
 
 from flipdiagram.arrays import Floats
 from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.assembly import ArmHandles
 
 
 class SerialChain(NamedTuple):
@@ -32,11 +34,18 @@ class SerialChain(NamedTuple):
 
 
 def serial_chain(arm: ArmModel) -> SerialChain | None:
-    """The chain of an arm; None where it is none: branches, joints that slide, joints out of order, tilted gravity."""
-    plant, handles = arm.plant, arm.handles
-    joints = [plant.GetJointByName(name, handles.arm) for name in arm.joint_names]
-    gravity = np.asarray(plant.gravity_field().gravity_vector())
-    if not all(isinstance(joint, RevoluteJoint) for joint in joints) or np.any(gravity[:2]):
+    """The chain of an arm under vertical gravity; None where it is none, see `chain_in`, or gravity is tilted."""
+    if np.any(np.asarray(arm.plant.gravity_field().gravity_vector())[:2]):
+        return None
+    return chain_in(arm.plant, arm.handles, arm.joint_names)
+
+
+def chain_in(plant: Any, handles: ArmHandles, joint_names: Sequence[str]) -> SerialChain | None:
+    """The chain in a finalized plant, with all that is welded to it; None where there are branches, joints that slide
+    or joints out of order.
+    """
+    joints = [plant.GetJointByName(name, handles.arm) for name in joint_names]
+    if not all(isinstance(joint, RevoluteJoint) for joint in joints):
         return None
     carried = [{int(i) for i in plant.GetBodiesKinematicallyAffectedBy([joint.index()])} for joint in joints]
     last = int(handles.control_point.body().index())
@@ -44,7 +53,8 @@ def serial_chain(arm: ArmModel) -> SerialChain | None:
     if not nested or last not in carried[-1]:
         return None
     context = plant.CreateDefaultContext()
-    plant.SetPositions(context, np.zeros(plant.num_positions()))
+    for joint in joints:
+        joint.set_angle(context, 0.0)
     frames = [joint.frame_on_parent().CalcPoseInWorld(context) for joint in joints]
     links = [bodies - rest for bodies, rest in zip(carried, [*carried[1:], set()], strict=True)]
     lumps = [_lump(plant, context, link) for link in links]
@@ -57,11 +67,11 @@ def serial_chain(arm: ArmModel) -> SerialChain | None:
         mass=np.array([mass for mass, _, _ in lumps]),
         centres=_rows(centre for _, centre, _ in lumps),
         inertias=_rows(inertia for _, _, inertia in lumps),
-        rotor=np.array([rotor.get(name, 0.0) for name in arm.joint_names]),
+        rotor=np.array([rotor.get(name, 0.0) for name in joint_names]),
         damping=np.array([float(joint.default_damping()) for joint in joints]),
         tip=np.array(X_WC.translation(), dtype=float),
         tip_turn=np.ascontiguousarray(X_WC.rotation().matrix(), dtype=float),
-        gravity=float(gravity[2]),
+        gravity=float(plant.gravity_field().gravity_vector()[2]),
     )
 
 

@@ -171,6 +171,11 @@ class Sensors(Section):
 class Simulation(Section):
     """The physics and how long it runs."""
 
+    engine: Literal["drake", "mujoco"] = Field(
+        "drake",
+        description="what moves arm, block and table; mujoco: of the extra `mujoco`, with contact settings of its own,"
+        " so that the fields on contact below are Drake's alone",
+    )
     contact_model: Literal["hydroelastic", "point", "hydroelastic_with_fallback"] = Field(
         "hydroelastic_with_fallback", description="contact model of the cell"
     )

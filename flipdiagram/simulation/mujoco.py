@@ -4,20 +4,31 @@ The blade is given: a free body, far heavier than the block, whose pose and velo
 every step and whose mean acceleration over the step is applied as a force, so that contact sees the true velocity (a
 mocap body would have none, and friction would brake the block).  The block is free; blade and table are the boxes that
 collide in Drake, and each pair gets the friction coefficient that Drake combines.  What comes back is a Recording with
-MuJoCo's block, so that `metrics` judges both engines alike.  MuJoCo is an optional extra, imported when it is used.
+MuJoCo's block, so that `metrics` judges both engines alike.
 """
 
-import importlib
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from pydrake.geometry import SceneGraph
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
 from scipy.interpolate import CubicSpline
 
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import InputError, SimulationError
-from flipdiagram.robot.model_files import box_inertia, spaced, table_size
+from flipdiagram.plants.handle import CONTACT_PAIRS, add_model
+from flipdiagram.plants.mujoco_contact import (
+    Settings,
+    compiled,
+    contact_boxes,
+    free_body,
+    head,
+    import_mujoco,
+    inertial,
+    pairs,
+)
 from flipdiagram.scenario.scenario import Scenario, from_yaml
 from flipdiagram.simulation import metrics
 from flipdiagram.simulation.recording import Recording, continuous, in_tool, rotations
@@ -28,49 +39,6 @@ the same about every axis, so that it has no gyroscopic torque."""
 
 COMPARED = ("success", "failure", "touchdown", "release_time_s", "max_slip_m", "max_lift_off_m")
 """Metrics that depend on the block, which is all that differs between the engines."""
-CONES = ("elliptic", "pyramidal")
-RANGES = {"timestep": (1e-6, 1e-2), "impratio": (1e-3, 1e3), "impedance": (0.01, 0.9999), "settle": (0.0, 100.0)}
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How MuJoCo solves the contact; the defaults approach rigid Coulomb friction.  InputError for a bad value.
-
-    What has one value only stands in `mjcf`: the integrator is "Euler" (nothing has damping: "implicitfast" differs by
-    rounding, which the last moments before the release, on an edge of the block, amplify to 0.02 rad at touch-down);
-    no noslip iterations, which cost sliding friction half a percent; damping ratio 1, no rebound, as Drake's
-    dissipation of 20 s/m leaves next to none; condim 3, as the corners of a face resist spinning by themselves.
-
-    Args:
-        timestep: longest step [s]; a whole number of steps fills the recording's period.
-        cone: "elliptic" is Coulomb's; "pyramidal" has four faces and lets less friction through along the diagonals.
-        impratio: stiffness of friction over that of the normal direction; above 1 friction creeps less.
-        time_constant: decay [s] of a penetration (solref); at least twice the step, or contact is no longer stable.
-            2 ms lets the block sink 0.4 µm under its weight, as the rubber's modulus of 1 MPa lets it sink 0.7 µm.
-        impedance: share of the contact force that is a constraint, 0 to 1 (solimp, constant); the rest is compliance.
-        settle: time of the hold [s] in which the block comes to rest before the motion starts.
-    """
-
-    timestep: float = 1e-4
-    cone: str = "elliptic"
-    impratio: float = 100.0
-    time_constant: float = 2e-3
-    impedance: float = 0.99
-    settle: float = 0.3
-
-    def __post_init__(self) -> None:
-        if self.cone not in CONES:
-            raise InputError.of("MuJoCo setting 'cone'", self.cone, CONES)
-        for name, (low, high) in (RANGES | {"time_constant": (2 * self.timestep, 1.0)}).items():
-            if not low <= getattr(self, name) <= high:
-                raise InputError.of(f"MuJoCo setting '{name}'", getattr(self, name), f"{low:g} to {high:g}")
-
-    def settings_text(self) -> str:
-        """The contact settings in one line, for a report."""
-        return (
-            f"MuJoCo, step {self.timestep * 1e3:g} ms, Euler, {self.cone} cone, impratio {self.impratio:g}, 0 noslip"
-            f" iterations, solref {self.time_constant * 1e3:g} ms / 1, solimp {self.impedance:g}, condim 3"
-        )
 
 
 def blade_motion(recording: Recording, time: Floats, point: Floats) -> tuple[Floats, Floats]:
@@ -103,7 +71,7 @@ def replay_in_mujoco(recording: Recording, settings: Settings | None = None) -> 
     MuJoCo's state is not finite any more (MuJoCo then leaves its MUJOCO_LOG.TXT in the working directory).
     """
     settings = settings or Settings()
-    mujoco = _mujoco()
+    mujoco = import_mujoco()
     scenario = _scenario_of(recording)
     time = recording["time"].values
     period = float(time[-1] - time[0]) / (len(time) - 1)
@@ -114,7 +82,7 @@ def replay_in_mujoco(recording: Recording, settings: Settings | None = None) -> 
     # on a turntable would creep outwards.  With the origin where the block lies, r = 0.
     lies = in_tool(recording)[first]
     # to one period beyond the end, where the spline goes on: the last force belongs to the step that begins there
-    model = mujoco.MjModel.from_xml_string(mjcf(scenario, settings, step, lies))
+    model = compiled(mujoco, mjcf(scenario, settings, step, lies))
     data = mujoco.MjData(model)
     qpos, qvel = blade_motion(recording, time[first] + step * np.arange((len(time) - first) * substeps + 1), lies)
     weight = BLADE_MASS * np.array([0.0, 0.0, -model.opt.gravity[2], 0.0, 0.0, 0.0])
@@ -163,43 +131,23 @@ def mjcf(scenario: Scenario, settings: Settings, step: float, origin: Floats) ->
 
     step [s]; origin: of the blade's body, in the tool frame [m].
     """
-    tool, block, table = scenario.tool, scenario.object, scenario.table
-    plate = table_size()
-    blade_centre = np.array([0.0, 0.0, -tool.blade_thickness / 2])
-    top = (scenario.task.start_x, scenario.task.target_y, table.height - plate[2] / 2)
-    inertia = box_inertia(block.mass, block.size)
-    # 2ab/(a + b), as Drake combines them; the spatula has the friction of the object (`parts.add_parts`): a = b there
-    on_table = 2 * block.friction * table.friction / (block.friction + table.friction)
-    solref = spaced((settings.time_constant, 1.0))
-    solimp = spaced((settings.impedance, settings.impedance, 1e-3, 0.5, 2.0))
-    contact = f'condim="3" solref="{solref}" solimp="{solimp}"'
-    # contype and conaffinity 0: nothing touches but the pairs that are named
+    plant, scene_graph = MultibodyPlant(step), SceneGraph()
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    parts = add_model(plant, scenario)
+    boxes = contact_boxes(plant, scene_graph, parts)
+    # the body's axes are the tool's
+    X_TS = parts.arm.tool.GetFixedPoseInBodyFrame().inverse()
+    blade = "".join(box.geom(RigidTransform(-origin) @ X_TS) for box in boxes["blade"])
+    X_WTable = parts.table.EvalPoseInWorld(plant.CreateDefaultContext())
     return f"""<mujoco>
-  <option timestep="{step!r}" gravity="0 0 -9.81" integrator="Euler" cone="{settings.cone}"
-          impratio="{float(settings.impratio)!r}" solver="Newton"
-          iterations="100" tolerance="1e-12"><flag autoreset="disable"/></option>
-  <default><geom type="box" contype="0" conaffinity="0"/></default>
+  {head(settings, step, plant.gravity_field().gravity_vector())}
   <worldbody>
-    <geom name="table" size="{spaced(plate / 2)}" pos="{spaced(top)}"/>
-    <body name="blade"><freejoint/>
-      <inertial pos="0 0 0" mass="{BLADE_MASS!r}" diaginertia="{spaced([BLADE_MASS] * 3)}"/>
-      <geom name="blade" size="{spaced(np.array(tool.blade_size) / 2)}" pos="{spaced(blade_centre - origin)}"/></body>
-    <body name="block"><freejoint/>
-      <inertial pos="0 0 0" mass="{block.mass!r}" diaginertia="{spaced(inertia)}"/>
-      <geom name="block" size="{spaced(np.array(block.size) / 2)}"/></body>
+    {"".join(box.geom(X_WTable) for box in boxes["table"])}
+    <body name="blade"><freejoint/>{inertial(BLADE_MASS, np.zeros(3), BLADE_MASS * np.eye(3))}{blade}</body>
+    {free_body("block", parts.block, boxes["block"])}
   </worldbody>
-  <contact>
-    <pair geom1="blade" geom2="block" friction="{block.friction!r} {block.friction!r}" {contact}/>
-    <pair geom1="table" geom2="block" friction="{on_table!r} {on_table!r}" {contact}/>
-  </contact>
+  <contact>{pairs(boxes, CONTACT_PAIRS[:2], settings)}</contact>
 </mujoco>"""
-
-
-def _mujoco() -> Any:
-    try:
-        return importlib.import_module("mujoco")
-    except ImportError:
-        raise InputError("the second engine needs MuJoCo: pip install 'flipdiagram[mujoco]'") from None
 
 
 def _scenario_of(recording: Recording) -> Scenario:

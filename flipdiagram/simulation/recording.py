@@ -17,7 +17,7 @@ from flipdiagram.arrays import Floats
 from flipdiagram.files import versions
 from flipdiagram.planning.command import Command
 from flipdiagram.planning.plan import Plan
-from flipdiagram.plants.cell import CONTACT_PAIRS
+from flipdiagram.plants.handle import CONTACT_PAIRS
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.theory import contact

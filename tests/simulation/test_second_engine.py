@@ -12,11 +12,12 @@ from scipy.spatial.transform import Rotation
 from shared import default_flip
 
 from flipdiagram.errors import InputError, SimulationError
+from flipdiagram.plants.mujoco_contact import Settings
 from flipdiagram.robot.parts import add_parts
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation import metrics
 from flipdiagram.simulation import mujoco as second_engine
-from flipdiagram.simulation.mujoco import Settings, blade_motion, compare, mjcf, replay_in_mujoco
+from flipdiagram.simulation.mujoco import blade_motion, compare, mjcf, replay_in_mujoco
 from flipdiagram.simulation.recording import in_tool
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'flipdiagram[mujoco]'")

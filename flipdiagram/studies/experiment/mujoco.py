@@ -7,8 +7,9 @@ from typing import Any
 
 from flipdiagram.errors import FlipdiagramError
 from flipdiagram.flips.workers import Workers
+from flipdiagram.plants.mujoco_contact import Settings
 from flipdiagram.simulation import metrics
-from flipdiagram.simulation.mujoco import COMPARED, Settings, compare
+from flipdiagram.simulation.mujoco import COMPARED, compare
 from flipdiagram.simulation.recording_files import load_recording
 
 VARIANTS: dict[str, Settings] = {

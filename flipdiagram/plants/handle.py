@@ -1,0 +1,131 @@
+"""What a cell offers, whichever engine moves it: its ports, its start, and what both engines have before them."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from pydrake.geometry import Meshcat
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import JacobianWrtVariable
+from pydrake.systems.framework import Context, DiagramBuilder, InputPort, LeafSystem, OutputPort
+from pydrake.systems.primitives import Adder
+
+from flipdiagram.arrays import Floats
+from flipdiagram.blocks.friction import JointFriction, stable_transition_velocity
+from flipdiagram.errors import InputError
+from flipdiagram.plants.push import Push
+from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.parts import Parts, add_parts
+from flipdiagram.scenario.scenario import Scenario
+
+CONTACT_PAIRS = ("blade-block", "table-block", "table-blade")
+"""Who pushes whom in `contact_wrench`: the first on the second."""
+
+
+@dataclass(frozen=True)
+class Cell(ABC):
+    """Handles to a cell: its ports, and the parts inside."""
+
+    plant: MultibodyPlant
+    """Drake's model of the parts; whether it stands in the diagram is the engine's choice."""
+    parts: Parts
+    tau: InputPort
+    """Torques of the drives (n,) [N m]."""
+    q: OutputPort
+    qd: OutputPort
+    block: OutputPort
+    """Pose of the block, quaternion (w first) and position [m], then its velocity in the world: (13,)."""
+    poses: OutputPort
+    """Of all bodies, by their indices in `plant`."""
+    contact_wrench: OutputPort
+    """Force x, y, z [N] in world axes for each of `CONTACT_PAIRS`, then the moment [N m] of the first pair's forces,
+    blade on block, about the world's origin: (12,).  They belong to the step that begins at t."""
+    systems: tuple[str, ...]
+    """Names of all systems of the cell."""
+
+    @abstractmethod
+    def stand(self, context: Context, q: Floats) -> None:
+        """Put the arm at rest at angles q (n,) [rad] into a root Context, the block where it lies on the blade."""
+
+    @abstractmethod
+    def show(self, builder: DiagramBuilder, meshcat: Meshcat) -> None:
+        """Add what shows the cell in Meshcat."""
+
+    def holding_torque(self, q: Floats) -> Floats:
+        """Joint torques (n,) [N m] that hold arm and block still at q (n,) [rad], without friction of the joints."""
+        plant, arm, context = self.plant, self.parts.arm, self._own_context
+        plant.SetPositions(context, arm.arm, q)
+        centre = self._block_on_blade @ self.parts.block.default_com()
+        world = plant.world_frame()
+        J = plant.CalcJacobianTranslationalVelocity(context, JacobianWrtVariable.kV, arm.tool, centre, world, world)
+        weight = self.parts.block.default_mass() * plant.gravity_field().gravity_vector()
+        torque = plant.CalcGravityGeneralizedForces(context) + J.T @ weight
+        return -np.asarray(plant.GetVelocitiesFromArray(arm.arm, torque), dtype=float)
+
+    @cached_property
+    def _own_context(self) -> Context:
+        return self.plant.CreateDefaultContext()
+
+    @cached_property
+    def _block_on_blade(self) -> RigidTransform:
+        """Pose of the block's body in the tool's frame, as in the default Context."""
+        context = self.plant.CreateDefaultContext()
+        X_WT = self.parts.arm.tool.CalcPoseInWorld(context)
+        return X_WT.inverse() @ self.plant.GetFreeBodyPose(context, self.parts.block)
+
+
+def add_model(plant: MultibodyPlant, scenario: Scenario, q_start: Floats | None = None) -> Parts:
+    """Add the parts to a plant and finalize it; by default at rest at the start of the task, the block on the blade.
+
+    q_start: joint angles (n,) [rad] of the default context; by default those of the arm's files.
+    """
+    parts = add_parts(plant, scenario)
+    plant.Finalize()
+    plant.set_name("robot")
+    if q_start is not None:
+        plant.SetDefaultPositions(parts.arm.arm, q_start)
+    task, unknown = scenario.task, scenario.disturbance
+    y = task.start_y + unknown.start_error + unknown.block_offset
+    plant.SetDefaultFloatingBaseBodyPose(parts.block, RigidTransform([task.start_x, y, task.start_z]))
+    return parts
+
+
+def add_joint_torque(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, qd: OutputPort) -> Adder:
+    """Add the joint friction of speeds qd (n,) [rad/s] and its sum with the torque of the drives, the sum's input 0."""
+    friction = builder.AddNamedSystem("joint_friction", joint_friction(scenario, arm))
+    torque = builder.AddNamedSystem("joint_torque", Adder(2, arm.n_joints))
+    builder.Connect(qd, friction.get_input_port())
+    builder.Connect(friction.get_output_port(), torque.get_input_port(1))
+    return torque
+
+
+def add_push(builder: DiagramBuilder, scenario: Scenario, parts: Parts, applied: InputPort) -> None:
+    """Add the push at the centre of the blade's top surface, into a port that takes forces."""
+    unknown = scenario.disturbance
+    point = parts.arm.tool.GetFixedPoseInBodyFrame().translation()
+    begin = scenario.simulation.lead_time + unknown.push_time
+    push = Push(parts.arm.spatula_body, point, unknown.push, begin, unknown.push_duration)
+    builder.AddNamedSystem("push", push)
+    builder.Connect(push.get_output_port(), applied)
+
+
+def joint_friction(scenario: Scenario, arm: ArmModel) -> LeafSystem:
+    """The friction box of the scenario, its levels as fractions of each joint's rated torque.
+
+    Raises InputError where the friction would chatter: it acts explicitly, so its slope at rest is limited by the
+    joint's inertia (the diagonal of M at the arm's home pose) and the step.
+    """
+    level = scenario.joint_friction
+    coulomb, viscous = level.coulomb * arm.tau_rated, level.viscous * arm.tau_rated
+    needed = stable_transition_velocity(coulomb, np.diag(arm.mass_matrix(arm.home)), scenario.simulation.step)
+    if np.any(needed > level.transition_velocity):
+        worst = int(np.argmax(needed))
+        v_s, field = level.transition_velocity, "joint_friction.transition_velocity"
+        message = (
+            f"scenario field '{field}' = {v_s} rad/s makes joint {arm.joint_names[worst]} chatter at this step and"
+            f" level; valid is at least {needed[worst]:.4f} rad/s"
+        )
+        raise InputError(message, field=field, value=v_s, valid=needed[worst])
+    return JointFriction(coulomb, viscous, np.full(arm.n_joints, level.transition_velocity))

@@ -1,0 +1,228 @@
+"""The robot cell in MuJoCo: the ports of Drake's cell, another engine behind them."""
+
+import math
+import threading
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.common.value import Value
+from pydrake.geometry import Meshcat, MeshcatVisualizer, SceneGraph
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
+from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.primitives import Demultiplexer, Multiplexer
+from pydrake.systems.rendering import MultibodyPositionToGeometryPose
+
+from flipdiagram.arrays import Floats
+from flipdiagram.blocks.block import Block
+from flipdiagram.errors import SimulationError
+from flipdiagram.plants.handle import Cell, add_joint_torque, add_model, add_push
+from flipdiagram.plants.mujoco_contact import Settings, compiled, import_mujoco
+from flipdiagram.plants.mujoco_model import cell_model
+from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.parts import Parts
+from flipdiagram.scenario.scenario import Scenario
+
+CELL = Settings(timestep=1e-4, time_constant=2e-4)
+BLOCK = 13
+"""Numbers of the block's state: quaternion, position, angular and translational velocity."""
+
+
+@dataclass(frozen=True)
+class MujocoCell(Cell):
+    """The cell in MuJoCo: `plant` stands outside the diagram and knows the kinematics."""
+
+    scene_graph: SceneGraph
+    engine: "MujocoPlant"
+
+    def stand(self, context: Context, q: Floats) -> None:
+        """See `Cell`."""
+        own = self._own_context
+        self.plant.SetPositions(own, self.parts.arm.arm, q)
+        X_WB = self.parts.arm.tool.CalcPoseInWorld(own) @ self._block_on_blade
+        self.engine.put(self.engine.GetMyMutableContextFromRoot(context), q, X_WB)
+
+    def show(self, builder: DiagramBuilder, meshcat: Meshcat) -> None:
+        """See `Cell`."""
+        n = self.engine.joints
+        builder.AddNamedSystem("scene_graph", self.scene_graph)
+        split = builder.AddNamedSystem("block_pose", Demultiplexer([7, BLOCK - 7]))
+        positions = builder.AddNamedSystem("positions", Multiplexer([n, 7]))
+        poses = builder.AddNamedSystem("geometry_poses", MultibodyPositionToGeometryPose(self.plant))
+        builder.Connect(self.block, split.get_input_port())
+        builder.Connect(self.q, positions.get_input_port(0))
+        builder.Connect(split.get_output_port(0), positions.get_input_port(1))
+        builder.Connect(positions.get_output_port(), poses.get_input_port())
+        builder.Connect(poses.get_output_port(), self.scene_graph.get_source_pose_port(self.plant.get_source_id()))
+        MeshcatVisualizer.AddToBuilder(builder, self.scene_graph, meshcat)
+
+
+class MujocoPlant(Block):
+    """Arm, block and table in MuJoCo.  Not scalar-convertible: MuJoCo computes over float.
+
+    Inputs `tau` (n,) [N m], all torques on the joints, and where it is `pushed` `applied`, forces on the spatula as a
+    MultibodyPlant takes them.  Outputs: `state` (3 n + 19,): q [rad], qd [rad/s], the block as in `Cell`, and MuJoCo's
+    accelerations of the last step, from which its solver starts; `poses` of all bodies of Drake's model [m];
+    `contact_wrench` (12,) [N, N m] as in `Cell`, its mean over the step that begins at t.
+
+    All that decides the next step is the state, in the Context.  Every `period` [s] it makes as many steps of MuJoCo's
+    as the settings ask for; `contact_wrench` and the update share them.
+    """
+
+    def __init__(
+        self,
+        plant: MultibodyPlant,
+        scene_graph: SceneGraph,
+        parts: Parts,
+        joint_names: tuple[str, ...],
+        period: float,
+        settings: Settings,
+        pushed: bool = False,
+    ) -> None:
+        super().__init__()
+        self._mujoco = import_mujoco()
+        n = self.joints = len(joint_names)
+        self.substeps = math.ceil(period / settings.timestep - 1e-9)
+        text, self._X_LS = cell_model(plant, scene_graph, parts, joint_names, settings, period / self.substeps)
+        self.model = compiled(self._mujoco, text)
+        self._link = self.model.body("blade").id
+        self._drake, self._parts = plant, parts
+        self._work = _Workspace(self._mujoco, self.model, plant, self.substeps)
+        # where the numbers of MuJoCo's qpos and qvel stand in the state
+        block = 2 * n
+        self._qpos = np.r_[:n, block + 4 : block + 7, block : block + 4]
+        self._qvel = np.r_[n : 2 * n, block + 10 : block + 13, block + 7 : block + 10]
+        self.input("tau", n)
+        self.applied: list[ExternallyAppliedSpatialForce] = []
+        if pushed:
+            self.input("applied", Value[list[ExternallyAppliedSpatialForce]]())
+        index = self.state("state", np.zeros(3 * n + BLOCK + 6))
+        self.DeclareStateOutputPort("state", index)
+        self.DeclareAbstractOutputPort(
+            "poses", lambda: Value[list[RigidTransform]](), self._poses, {self.discrete_state_ticket(index)}
+        )
+        self.intermediate("step", self._step)
+        self.output("contact_wrench", 12, lambda step: step[1])
+        self.update(lambda step: step[0], period)
+
+    def put(self, context: Context, q: Floats, X_WB: RigidTransform) -> None:
+        """Set the state of its own Context: at rest, the arm at q (n,) [rad], the block at a pose."""
+        pose = [*X_WB.rotation().ToQuaternion().wxyz(), *X_WB.translation()]
+        n = self.joints
+        context.SetDiscreteState(np.concatenate([q, np.zeros(n), pose, np.zeros(6 + n + 6)]))
+
+    def _step(self, state: Floats, tau: Floats, applied: list[ExternallyAppliedSpatialForce]) -> tuple[Floats, Floats]:
+        """The state one period later, and the mean contact wrench until then."""
+        work, n, mj_step = self._work, self.joints, self._mujoco.mj_step
+        work.qpos[:], work.qvel[:], work.warm[:] = state[self._qpos], state[self._qvel], state[2 * n + BLOCK :]
+        quaternion, spin = work.qpos[n + 3 :], work.qvel[n + 3 :]
+        self._turn(spin, quaternion, -1.0)
+        work.torque[:] = tau
+        work.push[:] = self._push(work, applied) if applied else 0.0
+        for row in work.sensed:
+            mj_step(self.model, work.data)
+            row[:] = work.sensors
+        after = np.empty_like(state)
+        after[self._qpos], after[self._qvel], after[2 * n + BLOCK :] = work.qpos, work.qvel, work.warm
+        self._turn(after[2 * n + 7 : 2 * n + 10], quaternion, 1.0)
+        if not math.isfinite(after.dot(after)):
+            raise SimulationError("the simulation diverged: MuJoCo's state is not finite")
+        return after, _mean_wrench(work.sensed)
+
+    def _turn(self, vector: Floats, quaternion: Floats, sign: float) -> None:
+        """Turn a vector from the axes of the block into the world's, or back (sign = -1), in place."""
+        w, x, y, z = quaternion
+        self._mujoco.mju_rotVecQuat(vector, vector.copy(), np.array([w, sign * x, sign * y, sign * z]))
+
+    def _push(self, work: "_Workspace", applied: list[ExternallyAppliedSpatialForce]) -> Floats:
+        """Force and moment about the last link's centre (6,) [N, N m], in the pose where the step begins."""
+        data, link = work.data, self._link
+        self._mujoco.mj_kinematics(self.model, data)
+        total = np.zeros(6)
+        for force in applied:
+            point = data.xpos[link] + data.xmat[link].reshape(3, 3) @ (self._X_LS @ force.p_BoBq_B)
+            total[:3] += force.F_Bq_W.translational()
+            arm = point - data.xipos[link]
+            total[3:] += force.F_Bq_W.rotational() + np.cross(arm, force.F_Bq_W.translational())
+        return total
+
+    def _poses(self, context: Context, poses: Value) -> None:
+        """By the kinematics of Drake's model."""
+        n, state = self.joints, context.get_discrete_state_vector().value()
+        own, quaternion = self._work.context, state[2 * n : 2 * n + 4]
+        self._drake.SetPositions(own, self._parts.arm.arm, state[:n])
+        turn = RotationMatrix(Quaternion(quaternion / np.linalg.norm(quaternion)))
+        X_WB = RigidTransform(turn, state[2 * n + 4 : 2 * n + 7])
+        self._drake.SetFreeBodyPose(own, self._parts.block, X_WB)
+        poses.set_value(self._drake.get_body_poses_output_port().Eval(own))
+
+
+class _Workspace(threading.local):
+    """Where one thread computes a step: MuJoCo's data and views of it.  Nothing here outlives the step."""
+
+    def __init__(self, mujoco: Any, model: Any, plant: MultibodyPlant, substeps: int) -> None:
+        n = model.nv - 6
+        data = self.data = mujoco.MjData(model)
+        self.qpos, self.qvel, self.warm = data.qpos, data.qvel, data.qacc_warmstart
+        self.torque, self.sensors = data.qfrc_applied[:n], data.sensordata
+        self.push = data.xfrc_applied[model.body("blade").id]
+        self.sensed = np.empty((substeps, model.nsensordata))
+        self.context = plant.CreateDefaultContext()
+
+
+def _mean_wrench(sensed: Floats) -> Floats:
+    """The port `contact_wrench` (12,) of the sensors' force, moment and point of each pair, (substeps, 27)."""
+    wrench = np.zeros(12)
+    mean = np.add.reduce(sensed) / len(sensed)
+    wrench[:3], wrench[3:6], wrench[6:9] = mean[:3], mean[9:12], mean[18:21]
+    fx, fy, fz, _, _, _, x, y, z = sensed[:, :9].T
+    shares = len(sensed)
+    wrench[9] = mean[3] + (y.dot(fz) - z.dot(fy)) / shares
+    wrench[10] = mean[4] + (z.dot(fx) - x.dot(fz)) / shares
+    wrench[11] = mean[5] + (x.dot(fy) - y.dot(fx)) / shares
+    return wrench
+
+
+def add_mujoco_cell(
+    builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start: Floats | None = None
+) -> MujocoCell:
+    """Add the cell to a diagram, at rest with the block on the blade at the start of the task, level there.
+
+    Args:
+        builder: the diagram.
+        scenario: what the cell is made of.
+        arm: the controller's model of the same arm, for rated torques and inertia.
+        q_start: joint angles (n,) [rad] of the default context; by default those of the arm's files.
+
+    Raises:
+        InputError: where MuJoCo is missing, cannot represent the cell, or the joint friction's transition velocity is
+            too small for the step.
+    """
+    step, pushed = scenario.simulation.step, any(scenario.disturbance.push)
+    plant, scene_graph = MultibodyPlant(step), SceneGraph()
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    parts = add_model(plant, scenario, q_start)
+    n = arm.n_joints
+    engine = MujocoPlant(plant, scene_graph, parts, arm.joint_names, step, CELL, pushed)
+    robot = builder.AddNamedSystem("robot", engine)
+    state = builder.AddNamedSystem("joint_state", Demultiplexer([n, n, BLOCK, n + 6]))
+    builder.Connect(robot.GetOutputPort("state"), state.get_input_port())
+    torque = add_joint_torque(builder, scenario, arm, state.get_output_port(1))
+    builder.Connect(torque.get_output_port(), robot.GetInputPort("tau"))
+    if pushed:
+        add_push(builder, scenario, parts, robot.GetInputPort("applied"))
+    return MujocoCell(
+        plant,
+        parts,
+        tau=torque.get_input_port(0),
+        q=state.get_output_port(0),
+        qd=state.get_output_port(1),
+        block=state.get_output_port(2),
+        poses=robot.GetOutputPort("poses"),
+        contact_wrench=robot.GetOutputPort("contact_wrench"),
+        systems=("robot", "joint_friction", "joint_torque", "joint_state"),
+        scene_graph=scene_graph,
+        engine=robot,
+    )

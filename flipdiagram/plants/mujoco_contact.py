@@ -1,0 +1,157 @@
+"""What every use of MuJoCo shares: its import, the contact settings, and the boxes that collide in Drake as MJCF.
+
+MuJoCo is an optional extra, imported when it is used.
+"""
+
+import importlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydrake.geometry import Box, SceneGraph
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import CalcContactFrictionFromSurfaceProperties, CoulombFriction, MultibodyPlant
+from pydrake.multibody.tree import RigidBody
+
+from flipdiagram.arrays import Floats
+from flipdiagram.errors import InputError, first_line
+from flipdiagram.robot.model_files import spaced
+from flipdiagram.robot.parts import Parts
+
+CONES = ("elliptic", "pyramidal")
+RANGES = {"timestep": (1e-6, 1e-2), "impratio": (1e-3, 1e3), "impedance": (0.01, 0.9999), "settle": (0.0, 100.0)}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How MuJoCo solves the contact; the defaults approach rigid Coulomb friction.  InputError for a bad value.
+
+    What has one value only stands in `head`: the integrator is "Euler" ("implicitfast" differs by rounding where
+    nothing has damping, which the last moments before the release, on an edge of the block, amplify to 0.02 rad at
+    touch-down); no noslip iterations, which cost sliding friction half a percent; damping ratio 1, no rebound, as
+    Drake's dissipation of 20 s/m leaves next to none; condim 3, as the corners of a face resist spinning by themselves.
+
+    Args:
+        timestep: longest step [s]; a whole number of steps fills the period.
+        cone: "elliptic" is Coulomb's; "pyramidal" has four faces and lets less friction through along the diagonals.
+        impratio: stiffness of friction over that of the normal direction; above 1 friction creeps less.
+        time_constant: decay [s] of a penetration (solref); at least twice the step, or contact is no longer stable.
+            2 ms lets the block sink 0.4 µm under its weight, as the rubber's modulus of 1 MPa lets it sink 0.7 µm.
+        impedance: share of the contact force that is a constraint, 0 to 1 (solimp, constant); the rest is compliance.
+        settle: time of the hold [s] in which the block comes to rest before a recorded motion is replayed.
+    """
+
+    timestep: float = 1e-4
+    cone: str = "elliptic"
+    impratio: float = 100.0
+    time_constant: float = 2e-3
+    impedance: float = 0.99
+    settle: float = 0.3
+
+    def __post_init__(self) -> None:
+        if self.cone not in CONES:
+            raise InputError.of("MuJoCo setting 'cone'", self.cone, CONES)
+        for name, (low, high) in (RANGES | {"time_constant": (2 * self.timestep, 1.0)}).items():
+            if not low <= getattr(self, name) <= high:
+                raise InputError.of(f"MuJoCo setting '{name}'", getattr(self, name), f"{low:g} to {high:g}")
+
+    def settings_text(self) -> str:
+        """The contact settings in one line, for a report."""
+        return (
+            f"MuJoCo, step {self.timestep * 1e3:g} ms, Euler, {self.cone} cone, impratio {self.impratio:g}, 0 noslip"
+            f" iterations, solref {self.time_constant * 1e3:g} ms / 1, solimp {self.impedance:g}, condim 3"
+        )
+
+
+class ContactBox(NamedTuple):
+    """A box that collides: edges `size` (3,) [m], its pose in the frame of its body, and its own friction."""
+
+    name: str
+    X_BG: RigidTransform
+    size: Floats
+    friction: CoulombFriction
+
+    def geom(self, X_MB: RigidTransform) -> str:
+        """The element of a body of MuJoCo's in which Drake's body has the pose X_MB."""
+        X = X_MB @ self.X_BG
+        pose = f'pos="{spaced(X.translation())}" quat="{spaced(X.rotation().ToQuaternion().wxyz())}"'
+        return f'<geom name="{self.name}" size="{spaced(self.size / 2)}" {pose}/>'
+
+
+def import_mujoco() -> Any:
+    """The module; InputError that names the extra where it is missing."""
+    try:
+        return importlib.import_module("mujoco")
+    except ImportError:
+        raise InputError("the second engine needs MuJoCo: pip install 'flipdiagram[mujoco]'") from None
+
+
+def contact_boxes(plant: MultibodyPlant, scene_graph: SceneGraph, parts: Parts) -> dict[str, list[ContactBox]]:
+    """What collides in Drake, by body: blade, block, table; InputError for another shape than a box."""
+    inspector = scene_graph.model_inspector()
+    bodies = {"blade": parts.arm.spatula_body, "block": parts.block, "table": parts.table}
+    found: dict[str, list[ContactBox]] = {name: [] for name in bodies}
+    for name, body in bodies.items():
+        for k, geometry in enumerate(plant.GetCollisionGeometriesForBody(body)):
+            shape, properties = inspector.GetShape(geometry), inspector.GetProximityProperties(geometry)
+            if not isinstance(shape, Box):
+                problem = f"collides as {type(shape).__name__} of the {name}; valid is Box"
+                raise InputError(f"simulation.engine = 'mujoco' has no shape for what {problem}", valid="Box")
+            friction = properties.GetProperty("material", "coulomb_friction")
+            X_BG, label = inspector.GetPoseInFrame(geometry), f"{name}{k or ''}"
+            found[name].append(ContactBox(label, X_BG, np.array(shape.size()), friction))
+    return found
+
+
+def head(settings: Settings, step: float, gravity: Sequence[float]) -> str:
+    """The elements before the bodies: step [s], gravity (3,) [m/s²], and that nothing touches but the pairs named."""
+    return f"""<compiler angle="radian"/>
+  <option timestep="{step!r}" gravity="{spaced(gravity)}" integrator="Euler" cone="{settings.cone}"
+          impratio="{float(settings.impratio)!r}" solver="Newton"
+          iterations="100" tolerance="1e-12"><flag autoreset="disable"/></option>
+  <default><geom type="box" contype="0" conaffinity="0"/></default>"""
+
+
+def compliance(settings: Settings, of: str = "") -> str:
+    """The attributes that say how stiff a contact pair is, or a joint's limit (of: "limit")."""
+    impedance = spaced((settings.impedance, settings.impedance, 1e-3, 0.5, 2.0))
+    return f'solref{of}="{spaced((settings.time_constant, 1.0))}" solimp{of}="{impedance}"'
+
+
+def inertial(mass: float, centre: Floats, inertia: Floats) -> str:
+    """The element of mass [kg], its centre (3,) [m] and the inertia about that (3, 3) [kg m²] in a body's frame."""
+    full = [inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    return f'<inertial pos="{spaced(centre)}" mass="{float(mass)!r}" fullinertia="{spaced(full)}"/>'
+
+
+def free_body(name: str, body: RigidBody, boxes: Iterable[ContactBox]) -> str:
+    """The element of a body that flies, its frame that of Drake's body."""
+    centre, about = body.default_com(), body.default_spatial_inertia().Shift(body.default_com())
+    inertia = inertial(body.default_mass(), centre, about.CalcRotationalInertia().CopyToFullMatrix3())
+    geoms = "".join(box.geom(RigidTransform()) for box in boxes)
+    return f'<body name="{name}"><freejoint/>{inertia}{geoms}</body>'
+
+
+def pairs(boxes: Mapping[str, Sequence[ContactBox]], names: Iterable[str], settings: Settings) -> str:
+    """The elements of the pairs of bodies that touch, named "blade-block"; the friction is what Drake combines."""
+    elements = []
+    for name in names:
+        by, on = name.split("-")
+        for one, other in product(boxes[by], boxes[on]):
+            friction = CalcContactFrictionFromSurfaceProperties(one.friction, other.friction).dynamic_friction()
+            elements.append(
+                f'<pair geom1="{one.name}" geom2="{other.name}" friction="{friction!r} {friction!r}" condim="3"'
+                f" {compliance(settings)}/>"
+            )
+    return "".join(elements)
+
+
+def compiled(mujoco: Any, xml: str) -> Any:
+    """MuJoCo's model of a text; InputError, in one line, for what it refuses."""
+    try:
+        return mujoco.MjModel.from_xml_string(xml)
+    except ValueError as error:
+        message = f"simulation.engine = 'mujoco' cannot move this cell: {first_line(error)}; valid is drake"
+        raise InputError(message, field="simulation.engine", value="mujoco", valid="drake") from None
