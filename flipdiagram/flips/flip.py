@@ -6,6 +6,7 @@ from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from flipdiagram.diagrams.controller import check_architecture
@@ -55,7 +56,7 @@ class Flip:
         scenario = self.scenario
         if "dob" not in self.architecture:  # no observer, no cut-off
             scenario = scenario.with_overrides({"controller.g_dis": Controller().g_dis})
-        return _digest(scenario, OF_A_FLIP, self.architecture, code_version(SOURCES))
+        return _digest(scenario, OF_A_FLIP, self.architecture, code_version(SOURCES), *_engine(scenario))
 
     @property
     def plan_key(self) -> str:
@@ -75,6 +76,13 @@ def _digest(scenario: Scenario, sections: Collection[str], *texts: str) -> str:
 
 def _sections(scenario: Scenario, sections: Collection[str]) -> str:
     return json.dumps(scenario.model_dump(mode="json", include=set(sections)), sort_keys=True)
+
+
+def _engine(scenario: Scenario) -> list[str]:
+    """The version of an engine that `code_version` does not count; none where it is missing: nothing flies there."""
+    with suppress(PackageNotFoundError):
+        return [f"mujoco {version('mujoco')}"] if scenario.simulation.engine == "mujoco" else []
+    return []
 
 
 def _models(scenario: Scenario) -> list[str]:

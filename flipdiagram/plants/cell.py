@@ -127,5 +127,6 @@ def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start
         poses=plant.get_body_poses_output_port(),
         contact_wrench=contact.get_output_port(),
         systems=("robot", "scene_graph", "joint_friction", "joint_torque", "joint_state", "contact_forces"),
+        engine=f"Drake, step {1e3 * settings.step:g} ms, {settings.contact_model}, {settings.contact_approximation}",
         scene_graph=scene_graph,
     )

@@ -44,6 +44,8 @@ class Cell(ABC):
     blade on block, about the world's origin: (12,).  They belong to the step that begins at t."""
     systems: tuple[str, ...]
     """Names of all systems of the cell."""
+    engine: str
+    """What moves it, with its contact settings, in one line."""
 
     @abstractmethod
     def stand(self, context: Context, q: Floats) -> None:

@@ -2,7 +2,7 @@
 
 import math
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,7 @@ from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.parts import Parts
 from flipdiagram.scenario.scenario import Scenario
 
-CELL = Settings(timestep=1e-4, time_constant=2e-4)
+CELL = Settings(timestep=5e-5, time_constant=5e-4)
 BLOCK = 13
 """Numbers of the block's state: quaternion, position, angular and translational velocity."""
 
@@ -35,18 +35,18 @@ class MujocoCell(Cell):
     """The cell in MuJoCo: `plant` stands outside the diagram and knows the kinematics."""
 
     scene_graph: SceneGraph
-    engine: "MujocoPlant"
+    robot: "MujocoPlant"
 
     def stand(self, context: Context, q: Floats) -> None:
         """See `Cell`."""
         own = self._own_context
         self.plant.SetPositions(own, self.parts.arm.arm, q)
         X_WB = self.parts.arm.tool.CalcPoseInWorld(own) @ self._block_on_blade
-        self.engine.put(self.engine.GetMyMutableContextFromRoot(context), q, X_WB)
+        self.robot.put(self.robot.GetMyMutableContextFromRoot(context), q, X_WB)
 
     def show(self, builder: DiagramBuilder, meshcat: Meshcat) -> None:
         """See `Cell`."""
-        n = self.engine.joints
+        n = self.robot.joints
         builder.AddNamedSystem("scene_graph", self.scene_graph)
         split = builder.AddNamedSystem("block_pose", Demultiplexer([7, BLOCK - 7]))
         positions = builder.AddNamedSystem("positions", Multiplexer([n, 7]))
@@ -205,8 +205,8 @@ def add_mujoco_cell(
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     parts = add_model(plant, scenario, q_start)
     n = arm.n_joints
-    engine = MujocoPlant(plant, scene_graph, parts, arm.joint_names, step, CELL, pushed)
-    robot = builder.AddNamedSystem("robot", engine)
+    robot = MujocoPlant(plant, scene_graph, parts, arm.joint_names, step, CELL, pushed)
+    builder.AddNamedSystem("robot", robot)
     state = builder.AddNamedSystem("joint_state", Demultiplexer([n, n, BLOCK, n + 6]))
     builder.Connect(robot.GetOutputPort("state"), state.get_input_port())
     torque = add_joint_torque(builder, scenario, arm, state.get_output_port(1))
@@ -223,6 +223,7 @@ def add_mujoco_cell(
         poses=robot.GetOutputPort("poses"),
         contact_wrench=robot.GetOutputPort("contact_wrench"),
         systems=("robot", "joint_friction", "joint_torque", "joint_state"),
+        engine=replace(CELL, timestep=step / robot.substeps).settings_text(),
         scene_graph=scene_graph,
-        engine=robot,
+        robot=robot,
     )

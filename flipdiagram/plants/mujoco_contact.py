@@ -58,11 +58,10 @@ class Settings:
                 raise InputError.of(f"MuJoCo setting '{name}'", getattr(self, name), f"{low:g} to {high:g}")
 
     def settings_text(self) -> str:
-        """The contact settings in one line, for a report."""
-        return (
-            f"MuJoCo, step {self.timestep * 1e3:g} ms, Euler, {self.cone} cone, impratio {self.impratio:g}, 0 noslip"
-            f" iterations, solref {self.time_constant * 1e3:g} ms / 1, solimp {self.impedance:g}, condim 3"
-        )
+        """Engine and contact settings in one line, for a report; InputError where MuJoCo is missing."""
+        solver = f"Euler, {self.cone} cone, impratio {self.impratio:g}, 0 noslip iterations"
+        contact = f"solref {self.time_constant * 1e3:g} ms / 1, solimp {self.impedance:g}, condim 3"
+        return f"MuJoCo {import_mujoco().__version__}, step {self.timestep * 1e3:g} ms, {solver}, {contact}"
 
 
 class ContactBox(NamedTuple):

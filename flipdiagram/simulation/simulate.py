@@ -129,4 +129,5 @@ def _read(loop: Loop, context: Context, plan: Plan | Command) -> Recording:
     wrench = signals.pop("contact_wrench")
     signals["contact_force"] = wrench[:9]
     data = with_margins(assemble(signals, clock, settings, loop.architecture, loop.arm, plan), wrench[9:].T, settings)
+    data = data.assign_attrs(engine=loop.cell.engine)
     return data.assign_attrs(replaced=", ".join(loop.replaced)) if loop.replaced else data

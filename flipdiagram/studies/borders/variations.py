@@ -29,6 +29,7 @@ def variations_of(scenario: Scenario) -> Iterator[Variation]:
     yield Variation("scenario", "as it is", {})
     names = get_args(Simulation.model_fields["contact_approximation"].annotation)
     installed = [name for name in names if hasattr(DiscreteContactApproximation, f"k{name.capitalize()}")]
+    installed = installed if physics.engine == "drake" else []  # MuJoCo has contact settings of its own
     for model in ("hydroelastic_with_fallback", "point"):
         for approximation in installed:
             if (model, approximation) != (physics.contact_model, physics.contact_approximation):

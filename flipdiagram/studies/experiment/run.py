@@ -35,7 +35,9 @@ def run(
     jobs: int | None = None,
     progress: Progress = silent,
 ) -> None:
-    """Fly every start under every architecture, and in MuJoCo where it is installed; write recordings and summary.json.
+    """Fly every start under every architecture; write recordings and summary.json.
+
+    Flights in Drake are judged once more with the block in MuJoCo, where it is installed.
 
     starts: y [m] of each, by default `STARTS`, or two of them where quick.  What an earlier call left in `out` is
     used.  Raises InputError for a bad start; a start without a motion is an outcome, not an error.
@@ -57,13 +59,14 @@ def run(
         for flip, outcome in zip(flips, outcomes, strict=True)
         if outcome.metrics is not None
     ]
-    progress("the same motions in MuJoCo")
+    again = recorded if scenario.simulation.engine == "drake" else []
+    progress("the same motions in MuJoCo" if again else "all flown")
     body = {
         "quick": quick,
         "starts_y_m": list(dict.fromkeys(run["start_y_m"] for run in runs)),
         "architectures": list(dict.fromkeys(run["architecture"] for run in runs)),
         "runs": runs,
         "claims": claims_of(runs),
-        "second_engine": second_engine(recorded, jobs),
+        "second_engine": second_engine(again, jobs),
     }
     write_summary(folder / "summary.json", "experiment", scenario, body)
