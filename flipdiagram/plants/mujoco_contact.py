@@ -121,8 +121,11 @@ def compliance(settings: Settings, of: str = "") -> str:
 
 def inertial(mass: float, centre: Floats, inertia: Floats) -> str:
     """The element of mass [kg], its centre (3,) [m] and the inertia about that (3, 3) [kg m²] in a body's frame."""
-    full = [inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-    return f'<inertial pos="{spaced(centre)}" mass="{float(mass)!r}" fullinertia="{spaced(full)}"/>'
+    products = inertia[0, 1], inertia[0, 2], inertia[1, 2]
+    moments = spaced(np.diag(inertia))
+    # MuJoCo looks for the principal axes of a full one, and sorts them
+    about = f'fullinertia="{moments} {spaced(products)}"' if any(products) else f'diaginertia="{moments}"'
+    return f'<inertial pos="{spaced(centre)}" mass="{float(mass)!r}" {about}/>'
 
 
 def free_body(name: str, body: RigidBody, boxes: Iterable[ContactBox]) -> str:

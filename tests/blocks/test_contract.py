@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 from pydrake.common.value import Value
+from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.multibody.plant import ContactResults
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import ContactResults, ExternallyAppliedSpatialForce, MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, PortDataType
 from pydrake.systems.primitives import TrajectorySource
@@ -42,6 +44,8 @@ from flipdiagram.blocks.torque_limit import TorqueLimit
 from flipdiagram.errors import InputError
 from flipdiagram.planning import plan_motion
 from flipdiagram.plants.cell import ContactForces, add_cell
+from flipdiagram.plants.handle import add_model
+from flipdiagram.plants.mujoco_cell import CELL, MujocoPlant
 from flipdiagram.plants.one_dof import OneDofPlant
 from flipdiagram.plants.push import Push
 from flipdiagram.robot.parts import arm_of
@@ -108,6 +112,18 @@ def contact_forces() -> ContactForces:
     return ContactForces(cell.plant, cell.parts)
 
 
+@cache
+def drakes_model() -> tuple[Any, Any, Any]:
+    """What MuJoCo's cell is made of, the block on the blade."""
+    plant, scene_graph = MultibodyPlant(0.01), SceneGraph()
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    return plant, scene_graph, add_model(plant, Scenario(), arm_of(Scenario()).home)
+
+
+def mujoco_plant() -> MujocoPlant:
+    return MujocoPlant(*drakes_model(), arm_of(Scenario()).joint_names, 0.01, CELL, pushed=True)
+
+
 SYSTEMS = {
     "feedforward": lambda: AccelerationFeedforward(2),
     "pd": lambda: ProportionalDerivative([1.0, 2.0], [3.0, 4.0]),
@@ -139,8 +155,9 @@ SYSTEMS = {
     "camera": camera,
     "contact forces": contact_forces,
     "push": push,
+    "mujoco": mujoco_plant,
 }
-NOT_CONVERTIBLE = ("mpc", "receding horizon", "camera", "contact forces", "push")
+NOT_CONVERTIBLE = ("mpc", "receding horizon", "camera", "contact forces", "push", "mujoco")
 """Each says why in its docstring; so does the one without a formula."""
 NO_FORMULA = ("sensor noise",)
 WITHOUT_EFFECT = {
@@ -203,6 +220,11 @@ def fix_input(block: Any, context: Any, i: int, seed: int) -> None:
         turned = [RollPitchYaw(*numbers("angles", 3, seed + k)) for k in range(cell_at_start()[0].plant.num_bodies())]
         poses = [RigidTransform(angles, numbers("place", 3, seed + k)) for k, angles in enumerate(turned)]
         port.FixValue(context, Value[list[RigidTransform]](poses))
+    elif port.get_name() == "applied":
+        force = ExternallyAppliedSpatialForce()
+        force.body_index, force.p_BoBq_B = drakes_model()[2].arm.spatula_body.index(), numbers("point", 3, seed)
+        force.F_Bq_W = SpatialForce(numbers("moment", 3, seed), numbers("force", 3, seed))
+        port.FixValue(context, Value[list[ExternallyAppliedSpatialForce]]([force]))
     elif port.get_name() == "contact_results":
         cell, diagram = cell_at_start()
         own = diagram.CreateDefaultContext()
@@ -222,19 +244,28 @@ def set_state(block: Any, context: Any, seed: int) -> None:
     if context.num_discrete_state_groups():
         state = numbers("state", context.num_total_states(), seed)
         counts = of_class(block, Camera, SensorNoise, BroadbandNoise)
-        context.SetDiscreteState(np.floor(100 * state) if counts else state)
+        if of_class(block, MujocoPlant):  # touching, or no torque would change the contact
+            plant, _, parts = drakes_model()
+            X_WB = parts.arm.control_point.CalcPoseInWorld(plant.CreateDefaultContext())
+            block.put(context, arm_of(Scenario()).home, RigidTransform([0.0, 0.0, -1e-5 * (1 + seed)]) @ X_WB)
+        else:
+            context.SetDiscreteState(np.floor(100 * state) if counts else state)
     if context.num_abstract_states():
         block.set_plan(context, replace(plan(), states=plan().states + 0.1 * seed, solve_time=0.1 + seed))
 
 
+def number_of(port: Any, context: Any) -> np.ndarray:
+    """What an output is, forces and poses as arrays."""
+    value = port.Eval(context)
+    if port.get_data_type() == PortDataType.kVectorValued:
+        return np.array(value)
+    poses = port.get_name() == "poses"
+    return np.concatenate([x.GetAsMatrix34().ravel() if poses else x.F_Bq_W.translational() for x in value])
+
+
 def results(block: Any, context: Any) -> np.ndarray:
     """All outputs and the state after the next update."""
-    values = []
-    for i in range(block.num_output_ports()):
-        value = block.get_output_port(i).Eval(context)
-        if block.get_output_port(i).get_data_type() != PortDataType.kVectorValued:
-            value = np.concatenate([force.F_Bq_W.translational() for force in value])
-        values.append(value)
+    values = [number_of(block.get_output_port(i), context) for i in range(block.num_output_ports())]
     if context.num_discrete_state_groups():
         values.append(block.EvalUniquePeriodicDiscreteUpdate(context).get_vector().CopyToVector())
     return np.concatenate(values)
@@ -283,9 +314,9 @@ def test_feedthrough_is_declared_exactly_where_it_is(name: str) -> None:
         for j in range(block.num_output_ports()):
             port = block.get_output_port(j)
             fill(block, context)
-            before = np.array(port.Eval(context))
+            before = number_of(port, context)
             fix_input(block, context, i, 1)
-            real = not np.array_equal(port.Eval(context), before, equal_nan=True)
+            real = not np.array_equal(number_of(port, context), before, equal_nan=True)
             assert block.HasDirectFeedthrough(i, j) == real, (block.get_input_port(i).get_name(), port.get_name())
 
 
