@@ -20,6 +20,7 @@ from shared import default_plan
 
 import flipdiagram
 from flipdiagram.errors import InputError, SimulationError
+from flipdiagram.flips import flip as flip_module
 from flipdiagram.flips import run as flips_run
 from flipdiagram.flips.flight import Work, fly_flight
 from flipdiagram.flips.flip import PLAN_SECTIONS, SOURCES, Flip
@@ -111,6 +112,16 @@ def test_the_study_of_section_iii_has_no_part_in_a_flip():
     )
     assert Flip(other, "pd+dob").key == Flip(Scenario(), "pd+dob").key
     assert Flip(other, "pd+dob").plan_key == Flip(Scenario(), "pd+dob").plan_key
+
+
+def test_the_key_of_a_flip_in_mujoco_holds_its_version(monkeypatch):
+    flown = Flip(Scenario().with_overrides({"simulation.engine": "mujoco"}), "pd")
+    keys = {Flip(Scenario(), "pd").key}
+    for number in ("4.0.0", "4.1.0"):
+        monkeypatch.setattr(flip_module, "version", lambda name, number=number: number)
+        keys.add(flown.key)
+    assert len(keys) == 3 and Flip(Scenario(), "pd").key in keys
+    assert flown.plan_key == Flip(Scenario(), "pd").plan_key
 
 
 def test_the_name_of_the_recording_is_no_part_of_the_question():

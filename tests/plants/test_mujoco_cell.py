@@ -432,9 +432,13 @@ def test_without_mujoco_one_line_says_how_to_install_it(monkeypatch, capsys, tmp
     assert "pip install 'flipdiagram[mujoco]'" in error and "\n" not in error
 
 
-def test_an_unknown_engine_is_refused():
-    with pytest.raises(InputError, match="simulation.engine' = 'bullet'.*drake"):
-        Scenario().with_overrides({"simulation.engine": "bullet"})
+def test_the_diagram_of_the_loop_is_drawn(tmp_path):
+    words = ["diagram", "--architecture", "pd+ff+dob", "--format", "dot", "--out"]
+    texts = []
+    for engine in ENGINES:
+        assert cli.main([*words, str(tmp_path / f"{engine}.dot"), "--simulation.engine", engine]) in (0, None)
+        texts.append((tmp_path / f"{engine}.dot").read_text())
+    assert "robot" in texts[1] and texts[0] == texts[1], "the cell is one box in both"
 
 
 def test_another_shape_than_a_box_is_refused(tmp_path):

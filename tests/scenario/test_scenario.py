@@ -42,6 +42,7 @@ BAD = {
     "key without its section": ("g_dis: 30", "'g_dis'", "did you mean 'controller.g_dis'?"),
     "key that is no text": ("object: {1: 2}", "'object.1'", "object.mass"),
     "wrong type": ("object: {mass: heavy}", "'object.mass' = 'heavy'", "a finite number above 0 [kg]"),
+    "unknown engine": ("simulation: {engine: bullet}", "'simulation.engine' = 'bullet'", "drake", "mujoco"),
     "quoted number": ("object: {mass: '0.061'}", "'object.mass' = '0.061'", "a finite number above 0 [kg]"),
     "yes where a number stands": ("object: {mass: true}", "'object.mass' = true", "a finite number above 0 [kg]"),
     "null where a number stands": ("object: {mass: null}", "'object.mass' = null", "a finite number above 0"),
