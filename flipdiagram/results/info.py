@@ -61,6 +61,7 @@ def _recording(data: xr.Dataset) -> Rows:
         ("touch-down", landing),
         ("position RMSE", f"{100 * measured.position_rmse_m:.3g} cm"),
     ]
+    rows += [("engine", str(data.attrs["engine"]))] if "engine" in data.attrs else []
     fields = scenario_fields(data)
     rows += _changed(fields) if fields is not None else [("scenario", "not kept in this file")]
     return rows + _variables(data)

@@ -209,6 +209,11 @@ def test_variations_change_one_thing_each_and_are_all_valid():
     assert sum(v.group == "inertia" for v in found) == 2 * 2 * 7
 
 
+def test_drakes_contact_is_not_varied_where_mujoco_flies():
+    groups = {v.group for v in variations_of(Scenario().with_overrides({"simulation.engine": "mujoco"}))}
+    assert groups == {"scenario", "step", "inertia"}
+
+
 @pytest.mark.parametrize("field", ["link_inertia_scale", "reflected_inertia_scale"])
 def test_inertias_are_varied_around_the_scenarios_own(field):
     scenario = Scenario().with_overrides({f"arm.{field}": 2.0, f"arm.{field}s": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)})
