@@ -26,6 +26,7 @@ from flipdiagram.plants.cell import add_cell
 from flipdiagram.plants.handle import Cell
 from flipdiagram.plants.mujoco_cell import add_mujoco_cell
 from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.native_arm import native_arm
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import Scenario
 
@@ -134,7 +135,9 @@ def build_loop(
         InputError: for an unknown architecture, a bad number or a box that does not fit.
         PlanningError: where the arm cannot be at the start pose.
     """
+    native = native and not replace
     arm, period = arm_of(scenario), scenario.controller.period
+    arm = native_arm(arm) if native else arm
     motion = Planner(scenario, arm)
     start = start_of(motion)
     # A plant with a finer step takes the torque of the sample before its own: sampling between two of its steps, after
@@ -148,7 +151,7 @@ def build_loop(
     seen = add_sensing(builder, scenario, cell.q, cell.qd, start.q, offset)
     signals = {**{name: mpc.GetOutputPort(name) for name in COMMANDS}, "q": seen.q, "qd": seen.qd}
     boxes: Controller
-    if native and not replace:
+    if native:
         boxes = add_native_controller(builder, scenario, architecture, arm, start.q, signals, offset)
     else:
         boxes = add_controller(builder, scenario, architecture, arm, start.q, signals, offset, replace)

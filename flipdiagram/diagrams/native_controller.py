@@ -9,7 +9,6 @@ from flipdiagram.arrays import Floats
 from flipdiagram.diagrams.controller import add_controller
 from flipdiagram.diagrams.fused import Fused
 from flipdiagram.robot.arm import ArmModel
-from flipdiagram.robot.native_arm import native_arm
 from flipdiagram.scenario.scenario import Scenario
 
 
@@ -41,7 +40,7 @@ def add_native_controller(
     """Add what `add_controller` adds, as one box; arguments and errors are the same."""
     figure = DiagramBuilder()
     sizes = {name: port.size() for name, port in inputs.items()}
-    boxes = add_controller(figure, scenario, architecture, native_arm(arm), q_start, sizes, offset)
+    boxes = add_controller(figure, scenario, architecture, arm, q_start, sizes, offset)
     for signal in ("tau", "tau_dis", "x", "v"):
         if (port := boxes.output(signal)) is not None:
             figure.ExportOutput(port, signal)
