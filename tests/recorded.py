@@ -82,6 +82,20 @@ def tuning():
     }
 
 
+def engines():
+    """As two campaigns of four trials compare: one flip differs."""
+    entry = {"counted": 4, "equal": 3, "rate": 0.75, "low": 0.3, "high": 0.95, "turned_over": [3, 2]}
+    entry["outcomes"] = [{"pair": ["turned over", "turned over"], "flips": 2}, {"pair": ["slid off"] * 2, "flips": 1}]
+    differ = {"trial": 2, "architecture": "pd", "outcomes": ["turned over", "slid off"]}
+    return {
+        "engines": ["drake", "mujoco"],
+        "trials": 4,
+        "architectures": {"pd": entry, "pd+ff+dob": entry | {"equal": 4, "rate": 1.0, "turned_over": [3, 3]}},
+        "differ": [differ | {"values": {"object.friction": 0.9}}],
+        "parameters": [{"name": "object.friction", "equal": 1.4, "other": 0.9, "p": 0.1, "p_holm": 0.1}],
+    }
+
+
 BODIES = {
     "turnover": turnover,
     "frequency": frequency,
@@ -89,6 +103,7 @@ BODIES = {
     "borders": borders,
     "replanning": lambda: {"quick": False, "cases": {}, "ways": {}, **report()["replanning"]},
     "place": lambda: report()["place"],
+    "engines": engines,
     "campaign": campaign,
     "tuning": tuning,
     "report": lambda: {key: value for key, value in report().items() if key not in ("schema", "versions", "scenario")},

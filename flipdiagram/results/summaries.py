@@ -52,6 +52,16 @@ def replanning(summary: Summary, folder: Path) -> xr.Dataset:
     return _runs(summary, ["case", "way", "architecture"])
 
 
+def engines(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
+    """'agreement' by architecture: flips, those with equal verdicts, share and interval; 'parameters' by name."""
+    kept = ("counted", "equal", "rate", "low", "high")
+    rows = [{"architecture": k, **{name: e[name] for name in kept}} for k, e in summary["architectures"].items()]
+    parts = {"agreement": _table(rows, ["architecture"])}
+    if summary["parameters"]:
+        parts["parameters"] = _table([dict(row) for row in summary["parameters"]], ["name"])
+    return {name: data.assign_attrs(_head(summary)) for name, data in parts.items()}
+
+
 def campaign(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
     """Rates, intervals and counts of how flips ended by architecture; 'pairs' of architectures; 'quantiles' of errors.
 

@@ -67,6 +67,13 @@ _RECORDS = (
         figures=nothing,
     ),
     _study(
+        "engines",
+        "Fly a campaign's worlds in Drake and in MuJoCo: do they agree?",
+        Option("file", metavar="FILE", help="the campaign as YAML, see examples/campaign.yaml"),
+        flag("--yes", "even if it takes longer than limit_hours"),
+        JOBS,
+    ),
+    _study(
         "place",
         "Lay the object down: it slides off the tilted spatula.",
         ARCHITECTURE,

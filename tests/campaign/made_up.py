@@ -8,7 +8,7 @@ import random
 import signal
 import time
 from contextlib import suppress
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 
 from flipdiagram.campaign.checks import from_text
@@ -70,6 +70,13 @@ def fly(flight, plan):
     return Landed(outcome, 0.0, *provenance())
 
 
+def fly_by_engine(flight, plan):
+    """In MuJoCo the border is 0.1 higher."""
+    higher = 0.1 if flight.truth.simulation.engine == "mujoco" else 0.0
+    friction = flight.truth.object.friction - higher
+    return fly(replace(flight, truth=flight.truth.with_overrides({"object.friction": friction})), plan)
+
+
 def fly_slowly(flight, plan):
     time.sleep(0.03)
     return fly(flight, plan)
@@ -97,6 +104,7 @@ def plan(believed):
 
 WORK = Work(plan, fly)
 SLOW = Work(plan, fly_slowly)
+BY_ENGINE = Work(plan, fly_by_engine)
 
 
 def contents(file):
