@@ -114,7 +114,9 @@ class MujocoPlant(Block):
         self.applied: list[ExternallyAppliedSpatialForce] = []
         if pushed:
             self.input("applied", Value[list[ExternallyAppliedSpatialForce]]())
-        index = self.state("state", np.zeros(3 * n + BLOCK + 6))
+        context = plant.CreateDefaultContext()
+        X_WB = plant.GetFreeBodyPose(context, parts.block)
+        index = self.state("state", self._at_rest(plant.GetPositions(context, parts.arm.arm), X_WB))
         self.DeclareStateOutputPort("state", index)
         self.DeclareAbstractOutputPort(
             "poses", lambda: Value[list[RigidTransform]](), self._poses, {self.discrete_state_ticket(index)}
@@ -125,9 +127,11 @@ class MujocoPlant(Block):
 
     def put(self, context: Context, q: Floats, X_WB: RigidTransform) -> None:
         """Set the state of its own Context: at rest, the arm at q (n,) [rad], the block at a pose."""
+        context.SetDiscreteState(self._at_rest(q, X_WB))
+
+    def _at_rest(self, q: Floats, X_WB: RigidTransform) -> Floats:
         pose = [*X_WB.rotation().ToQuaternion().wxyz(), *X_WB.translation()]
-        n = self.joints
-        context.SetDiscreteState(np.concatenate([q, np.zeros(n), pose, np.zeros(6 + n + 6)]))
+        return np.concatenate([q, np.zeros(self.joints), pose, np.zeros(6 + self.joints + 6)])
 
     def _step(self, state: Floats, tau: Floats, applied: list[ExternallyAppliedSpatialForce]) -> tuple[Floats, Floats]:
         """The state one period later, and the mean contact wrench until then."""

@@ -63,9 +63,9 @@ def cell_model(
     for name in joint_names:
         plant.GetJointByName(name, parts.arm.arm).set_angle(context, 0.0)
     X_LS = RigidTransform(-chain.points[-1]) @ parts.arm.spatula_body.EvalPoseInWorld(context)
-    X_WT = parts.table.EvalPoseInWorld(context)
+    X_WTable = parts.table.EvalPoseInWorld(context)
     limits = np.array([_limits(plant, parts, name) for name in joint_names])
-    table = "".join(box.geom(X_WT) for box in boxes["table"])
+    table = "".join(box.geom(X_WTable) for box in boxes["table"])
     sensors = "".join(
         f'<contact name="{name}" body1="{by}" body2="{on}" num="1" data="force torque pos" reduce="netforce"/>'
         for name, (by, on) in ((name, name.split("-")) for name in CONTACT_PAIRS)

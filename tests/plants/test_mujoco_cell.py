@@ -309,6 +309,19 @@ def test_poses_and_holding_torque_are_drakes():
         np.testing.assert_allclose(*block, atol=1e-12)
 
 
+@pytest.mark.parametrize("start", ["hold", "switch-on"])
+def test_the_default_context_is_drakes(start):
+    fields = {"simulation.start": start, "disturbance.start_error": 0.01, "disturbance.block_offset": 0.005}
+    ports = []
+    for engine in ENGINES:
+        loop = build_loop(Scenario().with_overrides(fields | {"simulation.engine": engine}), "pd")
+        context, cell = loop.context(default_plan()), loop.cell
+        read = [port.Eval(port.get_system().GetMyContextFromRoot(context)) for port in (cell.q, cell.qd, cell.block)]
+        np.testing.assert_array_equal(read[0], loop.q_start)
+        ports.append(np.concatenate(read))
+    np.testing.assert_allclose(*ports, atol=1e-12)
+
+
 def test_contexts_share_nothing_and_a_run_goes_on_from_its_context_to_the_bit():
     bench = Bench("mujoco")
 
