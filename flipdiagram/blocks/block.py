@@ -14,8 +14,10 @@ that Drake is told of is that of the law.
 
 import inspect
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
+from types import ModuleType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -23,6 +25,7 @@ from numpy.typing import ArrayLike
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.common.value import AbstractValue, Value
 from pydrake.symbolic import Expression
+from pydrake.systems import scalar_conversion
 from pydrake.systems.framework import (
     BasicVector_,
     DependencyTicket,
@@ -187,6 +190,17 @@ def _constant(value: Any, context: ScalarContext) -> Any:
     return value
 
 
+@contextmanager
+def _told_of(scope: ModuleType) -> Iterator[None]:
+    """Tell Drake the module of a class that it makes: to find it on the call stack takes half of our whole import."""
+    method = scalar_conversion.TemplateMethod
+    scalar_conversion.TemplateMethod = partial(method, scope=scope)
+    try:
+        yield
+    finally:
+        scalar_conversion.TemplateMethod = method
+
+
 B = TypeVar("B", bound=Block)
 
 
@@ -219,10 +233,12 @@ def convertible(*scalars: type) -> Callable[[type[B]], type[B]]:
             body["__signature__"] = inspect.signature(pattern)  # what help() and editors show
             return type(LeafSystem_[T])(pattern.__name__, (LeafSystem_[T],), body)
 
+        scope = sys.modules[pattern.__module__]
         template = TemplateSystem.define(
-            f"{pattern.__name__}_", scalars or (float, AutoDiffXd, Expression), scope=sys.modules[pattern.__module__]
+            f"{pattern.__name__}_", scalars or (float, AutoDiffXd, Expression), scope=scope
         )
-        system: type[B] = template(over)[None]
+        with _told_of(scope):
+            system: type[B] = template(over)[None]
         return system
 
     return convert

@@ -116,6 +116,7 @@ def _summary(source: Source, study: Study) -> Rows:
                 rows += rows_of(content[name])
         rows += _runs(content.get("runs", []), *study.success)
         rows += _rates(content) if source.kind in ("campaign", "tuning") else []
+        rows += _agreement(content) if source.kind == "engines" else []
     except BROKEN as error:
         raise damaged(source.path, error) from error
     return rows + (_changed(flat(fields)) if isinstance(fields, Mapping) else [])
@@ -132,6 +133,15 @@ def _runs(runs: Sequence[Mapping[str, Any]], what: str, success: str) -> Rows:
         more = f", and {len(reasons) - 1} more" if len(reasons) > 1 else ""
         rows.append((f"{what}, {name}", f"{text}: {first}{more}" if first else text))
     return rows
+
+
+def _agreement(content: Mapping[str, Any]) -> Rows:
+    """How often the engines say the same, by architecture."""
+    engines = " and ".join(content["engines"])
+    return [
+        (f"{engines}, {name}", f"the same verdict in {entry['equal']} of {entry['counted']} flips")
+        for name, entry in content["architectures"].items()
+    ]
 
 
 def _rates(content: Mapping[str, Any]) -> Rows:

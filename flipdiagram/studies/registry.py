@@ -69,7 +69,7 @@ _RECORDS = (
     _study(
         "engines",
         "Fly a campaign's worlds in Drake and in MuJoCo: do they agree?",
-        Option("file", metavar="FILE", help="the campaign as YAML, see examples/campaign.yaml"),
+        Option("file", nargs="?", metavar="FILE", help="the campaign as YAML, see examples/campaign.yaml"),
         flag("--yes", "even if it takes longer than limit_hours"),
         JOBS,
     ),

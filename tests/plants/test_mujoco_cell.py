@@ -455,8 +455,7 @@ def test_the_diagram_of_the_loop_is_drawn(tmp_path):
 
 
 def test_another_shape_than_a_box_is_refused(tmp_path):
-    block = Scenario().object
-    text = block_sdf(size=block.size, mass=block.mass, friction=1.0, modulus=1e6, dissipation=20.0)
+    text = block_sdf(Scenario())
     text = text.replace("<box><size>0.062 0.065 0.01</size></box>", "<sphere><radius>0.005</radius></sphere>")
     hint = "<drake:mesh_resolution_hint>0.002</drake:mesh_resolution_hint>"
     text = text.replace("<drake:compliant_hydroelastic />", f"<drake:compliant_hydroelastic />{hint}")

@@ -24,7 +24,7 @@ from flipdiagram.studies.study import Later
 
 HEAVY = ("pydrake", "matplotlib", "rich", "xarray", "pandas", "numba", "scipy")
 RECORDED = sorted(STUDIES.keys() - {"plan"})
-WORDS = {"place": "object", "report": None, "frequency": None, "borders": None}
+WORDS = {"place": "object", "report": None, "frequency": None, "borders": None, "engines": None}
 """What is judged, run by run; None where claims or maps are counted instead."""
 
 
@@ -143,7 +143,13 @@ def test_info_of_a_placement_says_why(tmp_path):
 def test_a_damaged_summary_is_refused_in_one_line(name, tmp_path):
     study = STUDIES[name]
     whole = recorded.BODIES[name]()
-    key = {"report": "claims", "tuning": "held_out", "campaign": "architectures", "borders": "maps"}.get(name)
+    key = {
+        "report": "claims",
+        "tuning": "held_out",
+        "campaign": "architectures",
+        "engines": "architectures",
+        "borders": "maps",
+    }.get(name)
     key = key or ("curves" if name == "frequency" else "runs")
     for broken in ({k: v for k, v in whole.items() if k != key}, whole | {key: [1]}):
         path = recorded.write(study, tmp_path, broken)

@@ -29,7 +29,7 @@ def run(
     scenario: Scenario,
     out: str | Path,
     *,
-    file: str,
+    file: str | None,
     yes: bool = False,
     jobs: int | None = None,
     progress: Progress = silent,
@@ -39,6 +39,8 @@ def run(
 
     Flips that are there already are kept.  yes: even if it takes longer than the file's limit.  Raises InputError.
     """
+    if file is None:
+        raise InputError("engines needs the FILE of a campaign; see examples/campaign.yaml", field="FILE")
     if find_spec("mujoco") is None:
         valid = "pip install 'flipdiagram[mujoco]'"
         raise InputError(f"the second engine needs MuJoCo: {valid}", field="simulation.engine", valid=valid)

@@ -99,3 +99,8 @@ def test_without_mujoco_one_line_says_what_to_install(tmp_path, monkeypatch, cap
     assert not (tmp_path / "out").exists()
     assert cli.main(["engines", str(tmp_path / "none.yaml"), "--out", str(tmp_path / "out")]) == 2
     assert "MuJoCo" in capsys.readouterr().err
+
+
+def test_without_a_file_one_line_says_which(tmp_path, capsys):
+    assert cli.main(["engines", "--out", str(tmp_path / "out")]) == 2
+    assert "engines needs the FILE of a campaign" in capsys.readouterr().err and not (tmp_path / "out").exists()
