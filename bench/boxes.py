@@ -19,7 +19,7 @@ from bench.timing import SelfTimes, in_turn
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.planning import Plan
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.simulation.simulate import simulate
+from flipdiagram.simulation.simulate import simulate_loop
 
 CELL = ("joint_friction", "contact_forces")
 """Boxes in Python that belong to the cell, not to the controller."""
@@ -35,7 +35,7 @@ TEXT = (
 
 def measure(scenario: Scenario, plan: Plan, repetitions: int) -> Section:
     """Run the flip with clocks, with and without logging, and without a controller, in turn, `repetitions` times."""
-    run = simulate(scenario, ARCHITECTURE, plan)
+    run = simulate_loop(build_loop(scenario, ARCHITECTURE, record=True), plan)
     end, periods = simulated_time(run), len(run.recording["time"]) - 1
     own = SelfTimes(PROCESSOR)
     with clocks_on_boxes(own):
@@ -53,16 +53,18 @@ def measure(scenario: Scenario, plan: Plan, repetitions: int) -> Section:
         "silent": closed_loop(build_loop(scenario, ARCHITECTURE), plan),
         "playback": torques_alone(recorded, run),
         "clocked": closed_loop(clocked, plan),
+        "native": closed_loop(build_loop(scenario, ARCHITECTURE, native=True), plan),
     }
     tasks: dict[str, Callable[[], float]] = {name: partial(one.advance, end) for name, one in runs.items()}
     tasks["clocked"] = with_clocks
     times = {name: np.array(values) / periods for name, values in in_turn(tasks, repetitions).items()}
     boxes = {name: np.array([seconds[name] for seconds in by_box]) / periods for name in by_box[0]}
     section = _section(scenario, times, boxes)
-    states = [one.final_state for one in runs.values()]
+    states = [one.final_state for name, one in runs.items() if name != "native"]  # equal to rounding only
     same = all(np.array_equal(state, states[0]) for state in states)
     section.checks.append(
-        f"the {len(runs)} kinds of run, playback included, {'end' if same else 'do NOT end'} in the same state"
+        f"the {len(states)} kinds of run with boxes, playback included,"
+        f" {'end' if same else 'do NOT end'} in the same state"
     )
     return section
 
@@ -80,6 +82,9 @@ def _section(scenario: Scenario, times: dict[str, Any], boxes: dict[str, Any]) -
     section.add(f"controller, {len(controller)} boxes", own, indent=1)
     for name in sorted(controller, key=lambda name: -float(np.median(controller[name]))):
         section.add(name, controller[name], indent=2)
+    one_box, boxes_alone = times["native"] - times["playback"], times["silent"] - times["playback"]
+    section.add("controller as one box, Drake's calls included", one_box, indent=1)
+    section.add("controller, boxes / one box", boxes_alone / one_box, "x", indent=1)
     section.add("plant", plant, indent=1)
     for name in CELL:
         section.add(name, boxes[name], indent=1)
