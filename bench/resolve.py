@@ -44,7 +44,8 @@ def measure(repetitions: int, overrides: dict[str, Any] | None = None) -> Sectio
     overrides: of the default scenario, `INTERVALS` unless given.  Raises RuntimeError where a solve fails or the two
     do not agree.
     """
-    scenario = Scenario().with_overrides(INTERVALS if overrides is None else overrides)
+    chosen = {"planner.solver": "clarabel"} | (INTERVALS if overrides is None else overrides)
+    scenario = Scenario().with_overrides(chosen)
     program, numbers = problems(scenario)
     n, first = program.layout.intervals, numbers[0].problem
     section = Section(f"Re-solve at N = {n}", TEXT.format(n=n))

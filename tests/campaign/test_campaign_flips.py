@@ -52,7 +52,7 @@ def test_a_row_is_what_a_single_flip_measures(undisturbed):
 
 
 WEAK = (
-    TEXT[: TEXT.index("vary")]
+    TEXT[: TEXT.index("vary")].replace("simulation: {", "simulation: {start: hold, ")
     + """
 vary:
   arm.torque_scale: {grid: [0.15, 1.0]}
