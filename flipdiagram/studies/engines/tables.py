@@ -52,5 +52,5 @@ def parameter_grid(summary: Summary) -> Grid:
         [f"`{row['name']}`", number(row["equal"]), number(row["other"]), f"{row['p_holm']:.2g}"]
         for row in summary["parameters"]
     ]
-    headings = ["parameter", "median, same verdict", "median, other verdict", "p (Mann-Whitney, Holm)"]
+    headings = ["parameter", "median, same verdict", "median, other verdict", "p (Kolmogorov-Smirnov, Holm)"]
     return Grid(headings, rows, "worlds in which the verdicts differ", headings[1:])
