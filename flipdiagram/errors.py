@@ -61,6 +61,10 @@ class SimulationError(FlipdiagramError):
     exit_code = 3
 
 
+class NoEquilibriumError(SimulationError):
+    """The controller cannot hold the arm at the start, so a run cannot begin at equilibrium."""
+
+
 def first_line(error: BaseException) -> str:
     """The first line of an exception's message, or its name where there is none."""
     return next(iter(str(error).strip().splitlines()), type(error).__name__)

@@ -26,6 +26,7 @@ COLOURS = {
     "never landed": "#8C564B",
     "torque limit": "#332288",
     "no plan": "#BBBBBB",
+    "no start": "#999933",
     "diverged": "#000000",
     "refused": "#777777",
     "timeout": "#56B4E9",

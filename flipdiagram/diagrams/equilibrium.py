@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.systems.framework import Context, OutputPort, System
 
 from flipdiagram.arrays import Floats
-from flipdiagram.errors import SimulationError, first_line
+from flipdiagram.errors import NoEquilibriumError, first_line
 
 AT_REST = 1e-7
 """Largest torque [N m] without a counterpart, and largest change of a state in one period, in the state's own unit."""
@@ -48,7 +48,7 @@ def equilibrium(
         holding_torque: what holds the arm and its load still at q (n,) [N m].
         q: where the search starts (n,) [rad].
 
-    Raises SimulationError where there is none: a joint that is too weak, a state that never comes to rest.
+    Raises NoEquilibriumError where there is none: a joint that is too weak, a state that never comes to rest.
     """
     from scipy.optimize import root  # a tenth of a second, and a drawing does without
 
@@ -79,9 +79,9 @@ def equilibrium(
     return Equilibrium(angles, dict(zip(initial, states, strict=True)))
 
 
-def no_equilibrium(reason: str) -> SimulationError:
+def no_equilibrium(reason: str) -> NoEquilibriumError:
     """The error where a run cannot start at an equilibrium."""
-    return SimulationError(f"no equilibrium to start from: {reason}; {VALID}")
+    return NoEquilibriumError(f"no equilibrium to start from: {reason}; {VALID}")
 
 
 def _state(context: Any) -> Floats:

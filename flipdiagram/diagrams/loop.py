@@ -68,7 +68,7 @@ class Loop:
 
     @cached_property
     def equilibrium(self) -> Equilibrium:
-        """Where an endless hold of the start pose ends; raises SimulationError where it ends nowhere."""
+        """Where an endless hold of the start pose ends; raises NoEquilibriumError where it ends nowhere."""
         context = self.diagram.CreateDefaultContext()
         self.sensing.without_error(context)
         found = equilibrium(self.boxes.systems, self._tau, context, self._stand, self.cell.holding_torque, self.q_start)
@@ -86,7 +86,7 @@ class Loop:
     def context(self, plan: Plan | None = None) -> Context:
         """A fresh context: arm at rest, block on the blade; with `plan` the MPC need not solve.
 
-        Raises SimulationError where the run shall start at an equilibrium and there is none.
+        Raises NoEquilibriumError where the run shall start at an equilibrium and there is none.
         """
         context = self.diagram.CreateDefaultContext()
         if self.scenario.simulation.start == "equilibrium":

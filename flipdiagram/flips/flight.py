@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from flipdiagram.diagrams.controller import nominal_inertia
-from flipdiagram.errors import FlipdiagramError, InputError, PlanningError, SimulationError
+from flipdiagram.errors import FlipdiagramError, InputError, NoEquilibriumError, PlanningError, SimulationError
 from flipdiagram.files import versions
 from flipdiagram.flips.flip import SOURCES, Flip, code_version
 from flipdiagram.flips.outcome import Outcome
@@ -108,7 +108,8 @@ def fly(scenario: Scenario, architecture: str, plan: Plan, recording: Path | Non
     try:
         run = simulate(scenario, architecture, plan)
     except FlipdiagramError as error:
-        kind = {SimulationError: "diverged", PlanningError: "no plan"}.get(type(error), "refused")
+        kinds = {SimulationError: "diverged", PlanningError: "no plan", NoEquilibriumError: "no start"}
+        kind = kinds.get(type(error), "refused")
         return Outcome(None, f"{kind}: {error}", plan.summary())
     measured = metrics.measure(run.recording)
     if recording is not None:

@@ -19,6 +19,7 @@ MODES = (
     "never landed",
     "torque limit",
     "no plan",
+    "no start",
     "diverged",
     "refused",
     "timeout",
@@ -32,6 +33,8 @@ A dropped block `tipped` where it lifted off the blade further than it slid, els
 `torque limit`: a failed flip, whatever it looked like, in which a joint's torque was at its limit for more than
 `LIMITED` [s] in all from the start of the motion until the block left the blade or the blade hit the table, whichever
 came first; saturation after that is a consequence.  A flip that succeeds with saturated torque is a success.
+
+`no start`: the controller cannot hold the arm at the start pose, so there is no equilibrium to begin from.
 """
 NOT_PHYSICS = ("timeout", "memory", "crashed", "refused")
 """Outcomes that say nothing about the controller: they are not counted as trials of it."""

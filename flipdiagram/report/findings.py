@@ -9,7 +9,7 @@ from flipdiagram.scenario.scenario import ARCHITECTURES
 from flipdiagram.studies.study import Summary
 
 KINDS = {"landed": "landed at a wrong angle", "never": "never landed"}
-KINDS |= {kind: kind for kind in ("blade hit the table", "dropped", "no plan", "diverged", "refused")}
+KINDS |= {kind: kind for kind in ("blade hit the table", "dropped", "no plan", "no start", "diverged", "refused")}
 """What a failure text begins with, and its kind."""
 
 

@@ -143,8 +143,15 @@ def test_modes_follow_the_text_and_how_the_block_left():
         assert mode_of("dropped at 0.2 s", dropped) == mode
     texts = ["blade hit the table at 0.1 s, dropped", "landed at 1.2 rad", "never reached the table", "no plan: x"]
     assert [mode_of(text, metrics) for text in texts] == ["hit the table", "wrong angle", "never landed", "no plan"]
-    texts = ["diverged: x", "refused: x", "timeout: x", "crashed: x", "something else"]
-    assert [mode_of(text, None) for text in texts] == ["diverged", "refused", "timeout", "crashed", "refused"]
+    texts = ["diverged: x", "no start: x", "refused: x", "timeout: x", "crashed: x", "something else"]
+    assert [mode_of(text, None) for text in texts] == [
+        "diverged",
+        "no start",
+        "refused",
+        "timeout",
+        "crashed",
+        "refused",
+    ]
     assert set(campaign_figures.COLOURS) == set(MODES)
 
 

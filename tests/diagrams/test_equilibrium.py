@@ -7,7 +7,8 @@ from pydrake.systems.framework import LeafSystem
 from shared import default_plan
 
 from flipdiagram.diagrams.loop import build_loop
-from flipdiagram.errors import ScenarioError, SimulationError
+from flipdiagram.errors import NoEquilibriumError, ScenarioError
+from flipdiagram.flips.flight import fly
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.simulate import simulate
 
@@ -173,6 +174,12 @@ class Counting(Integral):
 )
 def test_where_there_is_none_one_line_says_what_to_do(fields, replace, reason):
     loop = build_loop(Scenario().with_overrides(fields), "pd", replace=replace)
-    with pytest.raises(SimulationError, match=f"no equilibrium to start from: {reason}") as caught:
+    with pytest.raises(NoEquilibriumError, match=f"no equilibrium to start from: {reason}") as caught:
         loop.context()
     assert "valid is simulation.start: hold or switch-on" in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_world_in_which_the_arm_cannot_be_held_is_an_outcome_of_its_own():
+    weak = Scenario().with_overrides({"arm.torque_scale": 0.03})
+    outcome = fly(weak, "pd", default_plan(), None)
+    assert outcome.mode == "no start" and outcome.failure.startswith("no start: no equilibrium to start from: joint L")
