@@ -210,7 +210,9 @@ def folder(tmp_path_factory):
 def flips():
     near = Scenario().with_overrides(SHORT)
     far = near.with_overrides({"planner.table_clearance": 0.3})
-    wild = near.with_overrides({"controller.k_p": 1e12, "controller.k_v": 1e9, "arm.torque_scale": 1e6})
+    wild = near.with_overrides(
+        {"simulation.start": "hold", "controller.k_p": 1e12, "controller.k_v": 1e9, "arm.torque_scale": 1e6}
+    )
     return [
         Flip(near, "pd+ff+dob", "a.nc"),
         Flip(far, "pd"),
