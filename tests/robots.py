@@ -8,3 +8,12 @@ def package_file(ending):
     """Path of the file of example-robot-data whose name ends so."""
     (found,) = [file for file in files("example-robot-data") if str(file).endswith(ending)]
     return str(Path(str(found.locate())).resolve())
+
+
+UR5 = {
+    "arm.file": "ur_description/urdf/ur5_joint_limited_robot.urdf",
+    "arm.base": "base_link",
+    "arm.flange": "tool0",
+    "arm.reflected_inertia": (1.5, 1.5, 1.0, 0.3, 0.3, 0.3),
+}
+"""Fields of the scenario; the file as `package_file` takes it."""

@@ -12,7 +12,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
-from robots import package_file
+from robots import UR5, package_file
 from shared import default_flip, default_plan
 
 from flipdiagram.cli import main as cli
@@ -34,12 +34,6 @@ mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip inst
 G = 9.81
 MUJOCO = {"simulation.engine": "mujoco"}
 FREE = {"joint_friction.coulomb": 0.0, "joint_friction.viscous": 0.0}
-UR5 = {
-    "arm.file": "ur_description/urdf/ur5_joint_limited_robot.urdf",
-    "arm.base": "base_link",
-    "arm.flange": "tool0",
-    "arm.reflected_inertia": (1.5, 1.5, 1.0, 0.3, 0.3, 0.3),
-}
 PANDA = {
     "arm.file": "panda_description/urdf/panda.urdf",
     "arm.base": "panda_link0",

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from robots import package_file
+from robots import UR5, package_file
 from shared import default_plan
 
 from flipdiagram.blocks.inverse_jacobian import joint_acceleration
@@ -143,12 +143,6 @@ def test_given_rotor_inertia_stands_on_the_diagonal_of_the_mass_matrix(tmp_path)
     np.testing.assert_allclose(geared.mass_matrix(HOME) - bare.mass_matrix(HOME), np.diag(rotors), atol=1e-12)
 
 
-UR5 = {
-    "arm.file": "ur_description/urdf/ur5_joint_limited_robot.urdf",
-    "arm.base": "base_link",
-    "arm.flange": "tool0",
-    "arm.reflected_inertia": (1.5, 1.5, 1.0, 0.3, 0.3, 0.3),
-}
 PANDA = {
     "arm.file": "panda_description/urdf/panda.urdf",
     "arm.base": "panda_link0",
