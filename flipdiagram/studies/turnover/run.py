@@ -44,9 +44,8 @@ def run(
     """
     for name in architectures:
         check_architecture(name)
-    if quick:
-        shorter = min(QUICK_HOLD, scenario.simulation.lead_time)
-        scenario = scenario.with_overrides({"simulation.hold_time": shorter})
+    if quick and scenario.simulation.lead_time > QUICK_HOLD:
+        scenario = scenario.with_overrides({"simulation.hold_time": QUICK_HOLD})
     folder = Path(out)
     build_loop(scenario, architectures[0])  # what is wrong with the scenario shows before anything is written
     with Workers(jobs) as workers:
