@@ -8,7 +8,7 @@ from flipdiagram.files import write_summary
 from flipdiagram.scenario.scenario import Scenario
 
 REPORT = Path(__file__).parent.parent / "docs" / "report" / "summary.json"
-MODES = {"turned over": 3, "slid off": 1}
+MODES = {"turned over": 3, "slid later": 1}
 RATE = {"rate": 0.75, "low": 0.3, "high": 0.95, "modes": MODES}
 
 
@@ -60,7 +60,7 @@ def campaign():
     entry["quantiles"] = {"position_rmse_m": levels, "angle_rmse_rad": levels, "max_slip_m": None}
     pair = {"first": "pd+ff+dob", "second": "pd", "trials": 4, "first_only": 3, "second_only": 0}
     pair |= {"difference": 0.75, "low": 0.1, "high": 0.9, "p": 0.2, "p_holm": 0.2}
-    lost = entry | {"successes": 0, "rate": 0.0, "low": 0.0, "high": 0.49, "modes": {"hit the table": 4}}
+    lost = entry | {"successes": 0, "rate": 0.0, "low": 0.0, "high": 0.49, "modes": {"struck the table": 4}}
     return {"trials": 4, "flips": 8, "architectures": {"pd": lost, "pd+ff+dob": entry}, "pairs": [pair]}
 
 
@@ -85,8 +85,8 @@ def tuning():
 def engines():
     """As two campaigns of four trials compare: one flip differs."""
     entry = {"counted": 4, "equal": 3, "rate": 0.75, "low": 0.3, "high": 0.95, "turned_over": [3, 2]}
-    entry["outcomes"] = [{"pair": ["turned over", "turned over"], "flips": 2}, {"pair": ["slid off"] * 2, "flips": 1}]
-    differ = {"trial": 2, "architecture": "pd", "outcomes": ["turned over", "slid off"]}
+    entry["outcomes"] = [{"pair": ["turned over", "turned over"], "flips": 2}, {"pair": ["slid later"] * 2, "flips": 1}]
+    differ = {"trial": 2, "architecture": "pd", "outcomes": ["turned over", "slid later"]}
     return {
         "engines": ["drake", "mujoco"],
         "trials": 4,

@@ -70,7 +70,13 @@ def recording(architecture="pd+ff+dob"):
     force[t < leave, 0] = [0.0, 0.2, 0.6]
     force[lying, 1] = [0.0, 0.0, 0.6]
     signals = {"x_cmd": x_cmd, "v_cmd": v_cmd, "a_cmd": np.gradient(v_cmd, 1e-3, axis=0), "q": q, "qd": qd}
-    signals |= {"tau": torque, "tau_dis": 0.3 * torque, "block_pose": block_pose, "contact_force": force.reshape(-1, 9)}
+    signals |= {
+        "tau": torque,
+        "tau_cmd": torque,
+        "tau_dis": 0.3 * torque,
+        "block_pose": block_pose,
+        "contact_force": force.reshape(-1, 9),
+    }
     plan = SimpleNamespace(release_time=RELEASE, touchdown_time=TOUCHDOWN, end_time=MOTION)
     logs = {name: values.T for name, values in signals.items() if name != "tau_dis" or "dob" in architecture}
     return assemble(logs, t, scenario, architecture, arm, plan)

@@ -11,7 +11,7 @@ from flipdiagram.campaign.dataset import counted, parameters_of
 from flipdiagram.campaign.sensitivity import TARGETS, chance, groups_of, sensitivities, sobol, strengths
 from flipdiagram.campaign.statistics import holm, paired, success_rate
 from flipdiagram.flips.outcome import MODES
-from flipdiagram.simulation.metrics import SATURATED
+from flipdiagram.simulation.events import SATURATED
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 MEASURED = ("position_rmse_m", "angle_rmse_rad", "acceleration_rmse_m_s2", "torque_use", "max_slip_m")

@@ -19,9 +19,10 @@ from flipdiagram.flips.outcome import MODES, SUCCESS
 
 COLOURS = {
     SUCCESS: "#009E73",
-    "slid off": "#E69F00",
+    "slid at the start": "#E69F00",
+    "slid later": "#A6761D",
     "tipped": "#F0E442",
-    "hit the table": "#D55E00",
+    "struck the table": "#D55E00",
     "wrong angle": "#CC79A7",
     "never landed": "#8C564B",
     "torque limit": "#332288",

@@ -63,6 +63,12 @@ class Arrows:
         if target not in self._own or target.HasInputPort(port or signal):
             self._connect(signal, start, target.GetInputPort(port or signal))
 
+    def source(self, signal: str) -> OutputPort:
+        """The port from which a signal of the figure comes that a box makes."""
+        start = self._sources[signal]
+        assert not isinstance(start, int)
+        return start
+
     def complete(self) -> None:
         """Connect the other inputs of the user's own boxes, by the names of the figure's signals.
 

@@ -8,6 +8,7 @@ The four architectures differ by which boxes are present, never by a zero gain. 
 of the paper's text; this is its reconstruction from section II-C.
 """
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -51,14 +52,18 @@ class ControllerBoxes:
     disturbance_observer: LeafSystem | None = None
     gravity_compensation: LeafSystem | None = None
     """Not in the paper's figure: present only where the scenario asks for it."""
+    tau_cmd: OutputPort | None = None
+    """What leads to `torque_limit`."""
 
     @property
     def systems(self) -> dict[str, LeafSystem]:
         """The boxes that there are, by name."""
-        return {name: box for name, box in vars(self).items() if box is not None}
+        return {name: box for name, box in vars(self).items() if box is not None and name != "tau_cmd"}
 
     def output(self, signal: str) -> OutputPort | None:
-        """The port of a signal of the figure: tau, tau_dis, x, v; None where the architecture lacks it."""
+        """The port of a signal of the figure: tau, tau_cmd, tau_dis, x, v; None where the architecture lacks it."""
+        if signal == "tau_cmd":
+            return self.tau_cmd
         senders = {"tau": self.torque_limit, "tau_dis": self.disturbance_observer}
         box = senders.get(signal, self.tool_kinematics)
         return None if box is None else box.GetOutputPort(signal)
@@ -134,7 +139,7 @@ def add_controller(
     arrow = Arrows(builder, inputs, own, {port.get_name(): port for port in ports})
     draw_figure_4(arrow, boxes, arm.n_joints)
     arrow.complete()
-    return boxes
+    return dataclasses.replace(boxes, tau_cmd=arrow.source("tau_cmd"))
 
 
 def draw_figure_4(arrow: Arrows, box: ControllerBoxes, n: int) -> None:

@@ -164,7 +164,7 @@ def build_loop(
         tau = hold.get_output_port()
     builder.Connect(tau, cell.tau)
 
-    logs = _record(builder, mpc, boxes, cell, tau, period) if record else {}
+    logs = _record(builder, mpc, boxes, cell, seen, tau, period) if record else {}
     if meshcat is not None:
         cell.show(builder, meshcat)
     diagram = build_diagram(builder, replace)
@@ -173,14 +173,21 @@ def build_loop(
 
 
 def _record(
-    builder: DiagramBuilder, mpc: LeafSystem, boxes: Controller, cell: Cell, tau: OutputPort, period: float
+    builder: DiagramBuilder,
+    mpc: LeafSystem,
+    boxes: Controller,
+    cell: Cell,
+    seen: Sensing,
+    tau: OutputPort,
+    period: float,
 ) -> dict[str, VectorLogSink]:
     """Sinks for what a recording is made of, by signal name."""
     names = (*COMMANDS, *REPLANNING) if isinstance(mpc, RecedingHorizonController) else COMMANDS
     signals = {name: mpc.GetOutputPort(name) for name in names}
     signals |= {name: getattr(cell, name) for name in ("q", "qd", "block", "contact_wrench")} | {"tau": tau}
-    if (tau_dis := boxes.output("tau_dis")) is not None:
-        signals["tau_dis"] = tau_dis
+    signals |= {name: port for name in ("tau_cmd", "tau_dis") if (port := boxes.output(name)) is not None}
+    if seen.boxes:
+        signals |= {"q_meas": seen.q, "qd_meas": seen.qd}
     logs = {}
     for name, port in signals.items():
         logs[name] = builder.AddNamedSystem(f"log_{name}", VectorLogSink(port.size(), period))

@@ -24,7 +24,7 @@ class NativeController:
         return {"controller": self.box}
 
     def output(self, signal: str) -> OutputPort | None:
-        """The port of a signal of the figure: tau, tau_dis, x, v; None where the architecture lacks it."""
+        """The port of a signal of the figure: tau, tau_cmd, tau_dis, x, v; None where the architecture lacks it."""
         return self.box.GetOutputPort(signal) if self.box.HasOutputPort(signal) else None
 
 
@@ -41,7 +41,7 @@ def add_native_controller(
     figure = DiagramBuilder()
     sizes = {name: port.size() for name, port in inputs.items()}
     boxes = add_controller(figure, scenario, architecture, arm, q_start, sizes, offset)
-    for signal in ("tau", "tau_dis", "x", "v"):
+    for signal in ("tau", "tau_cmd", "tau_dis", "x", "v"):
         if (port := boxes.output(signal)) is not None:
             figure.ExportOutput(port, signal)
     box = builder.AddNamedSystem("controller", Fused(figure.Build()))

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from flipdiagram.arrays import Array
 from flipdiagram.figures.style import GUIDE, LABELS, MARK, NAMES, STYLES, WITH_OBSERVER, finish, new_axes, style_of
 from flipdiagram.scenario.scenario import ARCHITECTURES
-from flipdiagram.simulation import metrics
+from flipdiagram.simulation import events
 
 if TYPE_CHECKING:
     from flipdiagram.planning.plan import Plan
@@ -27,7 +27,7 @@ Recordings = Mapping[str, xr.Dataset]
 
 def dropped_at(recording: xr.Dataset) -> float | None:
     """When blade and block touched last, if the tool had not turned beyond π/2 by then [s]; else None."""
-    k = metrics.release_index(recording)
+    k = events.release_index(recording)
     return float(recording["time"][k]) if recording["x"].values[k, 2] <= np.pi / 2 else None
 
 
@@ -121,7 +121,8 @@ def plot_plan(plan: Plan, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
             ax.plot(t, values[:, column], label="tool", **command)
             if quantity == "x":
                 ax.plot(flying, path[:, column], color="#CC79A7", linestyle="--", label="object in flight")
-            ax.axvspan(plan.release_time, plan.duration, color="0.92", linewidth=0, label="tool brakes")
+            if plan.n_brake:
+                ax.axvspan(plan.release_time, plan.duration, color="0.92", linewidth=0, label="tool brakes")
             ax.axvline(plan.touchdown_time, **GUIDE, label="touch-down")
             ax.set(ylabel=LABELS[quantity][column])
     for ax in axes[6:]:

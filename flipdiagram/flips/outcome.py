@@ -7,32 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from flipdiagram.simulation.metrics import FlipMetrics, Touchdown
+from flipdiagram.simulation.events import Touchdown
+from flipdiagram.simulation.metrics import FlipMetrics
+from flipdiagram.simulation.verdict import CAUSES, cause_of
 
 SUCCESS = "turned over"
-MODES = (
-    SUCCESS,
-    "slid off",
-    "tipped",
-    "hit the table",
-    "wrong angle",
-    "never landed",
-    "torque limit",
-    "no plan",
-    "no start",
-    "diverged",
-    "refused",
-    "timeout",
-    "memory",
-    "crashed",
-)
-"""Every outcome.
-
-A dropped block `tipped` where it lifted off the blade further than it slid, else it `slid off`.
-
-`torque limit`: a failed flip, whatever it looked like, in which a joint's torque was at its limit for more than
-`LIMITED` [s] in all from the start of the motion until the block left the blade or the blade hit the table, whichever
-came first; saturation after that is a consequence.  A flip that succeeds with saturated torque is a success.
+MODES = (SUCCESS, *CAUSES, "no plan", "no start", "diverged", "refused", "timeout", "memory", "crashed")
+"""Every outcome: success, the causes of failure (`simulation.verdict`), and why nothing was measured.
 
 `no start`: the controller cannot hold the arm at the start pose, so there is no equilibrium to begin from.
 """
@@ -40,27 +21,14 @@ NOT_PHYSICS = ("timeout", "memory", "crashed", "refused")
 """Outcomes that say nothing about the controller: they are not counted as trials of it."""
 LOST = ("timeout", "memory", "crashed")
 """Outcomes of which another run may make something else."""
-LIMITED = 0.02
-"""Time [s] for which torque may be at its limit without being the reason of a failure.
-
-In that time 5 m/s² that are missing move the tool by 1 mm.
-"""
 
 
-def mode_of(failure: str | None, metrics: FlipMetrics | None) -> str:
-    """The outcome of a flip by the text of its failure, and its metrics where there are any."""
+def mode_of(failure: str | None) -> str:
+    """The outcome of a flip by the text of its failure."""
     if failure is None:
         return SUCCESS
-    if metrics is not None and metrics.saturated_s > LIMITED:  # not so where it is nan: limits unknown
-        return "torque limit"
-    if failure.startswith("dropped"):
-        lifted = metrics is not None and metrics.max_lift_off_m > metrics.max_slip_m
-        return "tipped" if lifted else "slid off"
-    for start, mode in (("blade hit the table", "hit the table"), ("landed", "wrong angle"), ("never", "never landed")):
-        if failure.startswith(start):
-            return mode
     kind = failure.partition(":")[0]
-    return kind if kind in MODES else "refused"
+    return cause_of(failure) or (kind if kind in MODES else "refused")
 
 
 @dataclass(frozen=True)
@@ -82,7 +50,7 @@ class Outcome:
     @property
     def mode(self) -> str:
         """One of `MODES`."""
-        return mode_of(self.failure, self.metrics)
+        return mode_of(self.failure)
 
     @classmethod
     def from_row(

@@ -27,8 +27,6 @@ from flipdiagram.planning.rows import Rows
 from flipdiagram.robot.jit import compiled
 
 AXES = 3
-EQUALITIES = 1 + AXES
-"""Landing height, and the tool's last velocity."""
 CACHED = 32
 """Pairs of contact and flight samples whose matrix is kept, the last ones used; another takes a few tenths of a ms."""
 
@@ -59,6 +57,8 @@ class CondensedProgram:
     def __init__(self, layout: Layout, sampling_time: float, cost: LandingCost, smoothing: float) -> None:
         self.layout, self.sampling_time, self.cost = layout, sampling_time, cost
         self._released = slice(STRIDE * layout.release, STRIDE * layout.release + STATES)
+        self._equalities = 1 + (AXES if layout.n_brake else 0)
+        """Landing height, and the tool's last velocity where it brakes."""
         self._basis = unit_smoothing_basis(layout, sampling_time, smoothing)
         self._drift = drift_basis(layout, sampling_time)
         self._lengths = np.tile([TRUST_LENGTH, TRUST_LENGTH, 1.0], layout.intervals)
@@ -79,22 +79,24 @@ class CondensedProgram:
         # θ, and y and z once the trust has shrunk, at the samples that move; waiting ones follow from the start
         free = trust >= FREE_TRUST
         at, radius = (horizon.angles, trust) if free else (horizon.poses, trust * self._lengths[: horizon.poses.size])
-        m = EQUALITIES + at.size
+        equalities = self._equalities
+        m = equalities + at.size
         total, n = m + rows.count, map_.shape[1]
         if self._store.size < total * n:  # kept: fresh memory costs as much as what is written into it
             self._store = np.empty(2 * total * n)
         A = self._store[: total * n].reshape(total, n)
         low, high, norm = np.full(total, -np.inf), np.empty(total), np.empty(total)
         A[0], high[0] = landing[0] @ map_[released], landing[1] - landing[0] @ drift[released]
-        A[1:EQUALITIES], high[1:EQUALITIES] = map_[-AXES:], -drift[-AXES:]
-        low[:EQUALITIES] = high[:EQUALITIES]
+        if equalities > 1:
+            A[1:equalities], high[1:equalities] = map_[-AXES:], -drift[-AXES:]
+        low[:equalities] = high[:equalities]
         near = point.states[-len(horizon.angles) :, :AXES]
         centre = (near[:, 2] if free else near.ravel()) - drift[at]
-        A[EQUALITIES:m], low[EQUALITIES:m], high[EQUALITIES:m] = map_[at], centre - radius, centre + radius
+        A[equalities:m], low[equalities:m], high[equalities:m] = map_[at], centre - radius, centre + radius
         high[m:] = rows.left(drift)
         compiled(condense, sums=True)(rows.rows, rows.columns, rows.values, map_, m, A, norm)
-        slack = np.concatenate([np.zeros(EQUALITIES), np.full(at.size, radius) if free else radius, rows.slack])
-        self.program = DenseProgram(f, A, low, high, EQUALITIES, slack, norm)
+        slack = np.concatenate([np.zeros(equalities), np.full(at.size, radius) if free else radius, rows.slack])
+        self.program = DenseProgram(f, A, low, high, equalities, slack, norm)
         self._current = rows, drift, landing, map_
 
     def solve(self) -> Solution:
@@ -106,7 +108,8 @@ class CondensedProgram:
         minimum = dense.minimise(self.program)
         elapsed = time.perf_counter() - begin
         w = drift + map_ @ minimum.v
-        missed = max(abs(float(row @ w[self._released]) - bound), *map(abs, w[-AXES:].tolist()))
+        last = map(abs, w[-AXES:].tolist()) if self.layout.n_brake else ()
+        missed = max(abs(float(row @ w[self._released]) - bound), *last, 0.0)
         return Solution(
             success=minimum.success,
             w=w,

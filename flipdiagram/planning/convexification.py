@@ -76,7 +76,7 @@ class Convexification:
     def __init__(self, scenario: Scenario, arm: ArmModel, native: bool | None = None) -> None:
         self.scenario, self.arm = scenario, arm
         settings, task = scenario.planner, scenario.task
-        self.layout = Layout(settings.contact_samples[1], settings.brake_samples)
+        self.layout = Layout(settings.contact_samples[1], settings.samples_to_rest)
         self.cost = LandingCost(settings.alpha, settings.beta, task.target_y)
         self.allowed = limits.Allowed.of(arm, scenario)
         self.start = np.array([task.start_y, task.start_z, 0.0, 0.0, 0.0, 0.0])

@@ -42,13 +42,14 @@ class Plan:
     """Samples of the tool's motion, time 0 at its start; all SI.
 
     The tool carries the object for `n_contact` intervals, releases it, and brakes for `n_brake` intervals while the
-    object flies for `n_flight`; each interval lasts `sampling_time` and holds its acceleration (eq. (2)).
+    object flies for `n_flight`; each interval lasts `sampling_time` and holds its acceleration (eq. (2)).  Without
+    intervals to brake the commanded velocity drops to zero at the release, where the last state has what it was.
     """
 
     sampling_time: Annotated[Number, Field(gt=0)]
     n_contact: Count
     n_flight: Count
-    n_brake: Count
+    n_brake: Annotated[int, Field(strict=True, ge=0)]
     states: Samples
     """x̂(k) = [y, z, θ, v_y, v_z, v_θ] of the control point at samples 0 … n_contact + n_brake, shape (N + 1, 6)."""
     inputs: Samples
@@ -88,7 +89,7 @@ class Plan:
 
     @property
     def duration(self) -> float:
-        """When the tool has come to rest [s]."""
+        """When the commanded motion has ended [s]."""
         return (self.n_contact + self.n_brake) * self.sampling_time
 
     end_time = duration

@@ -136,7 +136,8 @@ class HorizonProgram:
             idle = layout.x(samples[:waiting], component)
             low[idle], high[idle] = -np.inf, np.inf
         low[:STATES] = high[:STATES] = start
-        low[-3:] = high[-3:] = 0.0
+        if layout.n_brake:
+            low[-3:] = high[-3:] = 0.0
         self._bounds.evaluator().UpdateLowerBound(low / self._units)
         self._bounds.evaluator().UpdateUpperBound(high / self._units)
 

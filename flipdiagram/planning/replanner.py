@@ -92,7 +92,9 @@ class Replanner:
         first, left = layout.release - n_contact, self.samples_left(plan, elapsed)
         k = np.arange(n_contact + layout.n_brake + 1)
         pace = left / n_contact if n_contact != left else 1.0
-        x, v, _ = plan.sample(elapsed + dt * np.where(k <= n_contact, k * pace, k - n_contact + left))
+        t = elapsed + dt * np.where(k <= n_contact, k * pace, k - n_contact + left)
+        # where the command stops at the release, what counts there is the velocity until then
+        x, v, _ = plan.sample(t if plan.n_brake else np.minimum(t, plan.duration * (1 - 1e-6)))
         moving = np.hstack([x, v * np.where(k <= n_contact, pace, 1.0)[:, None]])
         fade = np.linspace(1.0, 0.0, n_contact + 1)[:, None]
         moving[: n_contact + 1] += fade * (np.asarray(state) - moving[0])

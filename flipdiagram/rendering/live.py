@@ -11,8 +11,8 @@ from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import SimulationError
 from flipdiagram.planning import plan_motion
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.simulation.metrics import judge
 from flipdiagram.simulation.simulate import simulate_loop
+from flipdiagram.simulation.verdict import judge
 
 SPEED = 0.5
 """Simulated seconds per second of wall time; the simulation itself runs at about twice real time."""

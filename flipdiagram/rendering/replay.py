@@ -25,7 +25,7 @@ from flipdiagram.figures.style import NAMES, style_of
 from flipdiagram.files import write_atomically
 from flipdiagram.rendering.scene import Scene, build_scene
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
-from flipdiagram.simulation import metrics
+from flipdiagram.simulation import verdict as verdicts
 
 SLOWDOWN = 4.0
 FRAME_TIME = 0.016  # [s] of playing time: 62.5 frames per second; at a quarter of the speed, each 4 ms
@@ -98,7 +98,7 @@ def _describe(
 ) -> dict[str, Any]:
     """What the overlay says of a cell at y = offset [m], and where."""
     if verdict is None:
-        success, failure = metrics.judge(recording)
+        success, failure = verdicts.judge(recording)
         verdict = (success, failure or "turned over")
     attrs = recording.attrs
     return {

@@ -5,12 +5,9 @@ from collections import Counter
 import numpy as np
 
 from flipdiagram.figures.style import NAMES
+from flipdiagram.flips.outcome import mode_of
 from flipdiagram.scenario.scenario import ARCHITECTURES
 from flipdiagram.studies.study import Summary
-
-KINDS = {"landed": "landed at a wrong angle", "never": "never landed"}
-KINDS |= {kind: kind for kind in ("blade hit the table", "dropped", "no plan", "no start", "diverged", "refused")}
-"""What a failure text begins with, and its kind."""
 
 
 def border_sentences(a_map: Summary) -> str:
@@ -19,16 +16,11 @@ def border_sentences(a_map: Summary) -> str:
     for name in ARCHITECTURES:
         cells = a_map["architectures"][name]
         won = [value for row in cells["success"] for value in row]
-        kinds = Counter(kind_of(failure) for row in cells["failure"] for failure in row if failure)
+        kinds = Counter(mode_of(failure) for row in cells["failure"] for failure in row if failure)
         where = "everywhere" if all(won) else "nowhere" if not any(won) else f"in {sum(won)} of {len(won)} cells"
         text = ", ".join(f"{kind} {count}" for kind, count in kinds.most_common())
         lines.append(f"* **{NAMES[name]}** works {where}" + (f"; failures: {text}" if text else ""))
     return "\n".join(lines)
-
-
-def kind_of(failure: str) -> str:
-    """The kind of a failure text: 'blade hit the table', 'dropped', 'landed at a wrong angle', 'no plan', …"""
-    return next((kind for start, kind in KINDS.items() if failure.startswith(start)), "other")
 
 
 def lead_sentence(borders: Summary) -> str:

@@ -11,7 +11,7 @@ from flipdiagram.errors import InputError
 from flipdiagram.figures.motion import dropped_at, finish_path
 from flipdiagram.figures.style import GUIDE, LABELS, MARK, NAMES, STYLES, Style, finish, new_axes
 from flipdiagram.results.signals import components, pretty, scenario_fields
-from flipdiagram.simulation import metrics
+from flipdiagram.simulation.events import release_index, touchdown, touching
 
 OTHER = Style("#56B4E9", "-", 2.5, 1.6)
 """An architecture of the user's own."""
@@ -47,8 +47,8 @@ def line_of(data: xr.Dataset) -> dict[str, Any]:
 def events(data: xr.Dataset) -> dict[str, float]:
     """What happened, by name: 'release' or 'block lost', and 'touch-down' [s]; only what lies inside the recording."""
     time, happened = data["time"].values, {}
-    contact, landed = metrics.touching(data, "blade-block"), metrics.touchdown(data)
-    last = metrics.release_index(data)
+    contact, landed = touching(data, "blade-block"), touchdown(data)
+    last = release_index(data)
     if contact.any() and last < len(time) - 1:
         happened["release" if dropped_at(data) is None else "block lost"] = float(time[last])
     if landed is not None and landed.time_s > time[0]:

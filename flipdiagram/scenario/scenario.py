@@ -74,7 +74,14 @@ class Planner(Section):
     sampling_time: float = quantity(0.02, "s", "sampling time ΔT of the prediction model (2) (o)", gt=0)
     contact_samples: tuple[int, int] = quantity((10, 30), "samples", "contact samples searched, (fewest, most) (o)")
     flight_samples: tuple[int, int] = quantity((4, 20), "samples", "flight samples searched, (fewest, most) (o)")
-    brake_samples: int = quantity(12, "samples", "samples in which the tool brakes after the release (o)", ge=2)
+    stop: Literal["immediate", "brake"] = Field(
+        "brake",
+        description="at the release: immediate: the commanded velocity is zero from then on (p); brake: the tool comes"
+        " to rest within the limits of its joints",
+    )
+    brake_samples: int = quantity(
+        12, "samples", "samples in which the tool brakes after the release, where it does (o)", ge=2
+    )
     release_angle: float = quantity(0.05, "rad", "how far beyond π/2 the tool must turn before it releases", ge=0)
     friction_margin: float = quantity(
         0.2, "1", "fraction of the friction coefficient not used by the plan; below 0: more than there is", gt=-2, lt=1
@@ -115,6 +122,11 @@ class Planner(Section):
     solver: Literal["clarabel", "osqp", "scs", "ipopt", "snopt", "mosek", "gurobi", "daqp"] = Field(
         "daqp", description="daqp solves the condensed program; the others stand behind MathematicalProgram"
     )
+
+    @property
+    def samples_to_rest(self) -> int:
+        """Samples from the release until the commanded motion has ended."""
+        return self.brake_samples if self.stop == "brake" else 0
 
     @model_validator(mode="after")
     def _ranges(self) -> Planner:

@@ -3,6 +3,7 @@
 Time 0 is the start of the motion, before it the arm holds the start pose.  Sample k of every signal belongs to the
 instant t_k, before the plant steps from it: tau[k] is what the controller sends in response to q[k], qd[k]; contact
 forces belong to the step that begins at t_k; a[k] = (v[k+1] − v[k]) / T is the mean acceleration until t_{k+1}.
+x_meas, v_meas and a_meas are the same of the joints as the controller measures them; tau_cmd is tau before its limit.
 """
 
 from __future__ import annotations
@@ -30,12 +31,12 @@ POSE = ["qw", "qx", "qy", "qz", "x", "y", "z"]
 
 AXES, JOINTS, POSES = ("time", "axis"), ("time", "joint"), ("time", "pose")
 SIGNALS = {
-    **dict.fromkeys(("x_cmd", "x"), (AXES, "m, m, rad")),
-    **dict.fromkeys(("v_cmd", "v"), (AXES, "m/s, m/s, rad/s")),
-    **dict.fromkeys(("a_cmd", "a"), (AXES, "m/s2, m/s2, rad/s2")),
+    **dict.fromkeys(("x_cmd", "x", "x_meas"), (AXES, "m, m, rad")),
+    **dict.fromkeys(("v_cmd", "v", "v_meas"), (AXES, "m/s, m/s, rad/s")),
+    **dict.fromkeys(("a_cmd", "a", "a_meas"), (AXES, "m/s2, m/s2, rad/s2")),
     "q": (JOINTS, "rad"),
     "qd": (JOINTS, "rad/s"),
-    **dict.fromkeys(("tau", "tau_dis"), (JOINTS, "N m")),
+    **dict.fromkeys(("tau", "tau_cmd", "tau_dis"), (JOINTS, "N m")),
     **dict.fromkeys(("tool_pose", "block_pose"), (POSES, "1, 1, 1, 1, m, m, m")),
     **dict.fromkeys(("sliding_angle", "sliding_angle_cmd"), (("time",), "rad")),
     "contact_force": (("time", "pair", "direction"), "N"),
@@ -62,8 +63,9 @@ def assemble(
     """The Dataset of logged signals; positions, velocities and poses of the tool come from q and qd.
 
     Args:
-        signals: each (channels, samples): x_cmd, v_cmd, a_cmd, q, qd, tau, block_pose, contact_force and, where the
-            architecture has it, tau_dis; solve_time and so on of an MPC that replans.
+        signals: each (channels, samples): x_cmd, v_cmd, a_cmd, q, qd, tau, tau_cmd, block_pose, contact_force and,
+            where the architecture has it, tau_dis; q_meas and qd_meas where the controller sees others than q and qd;
+            solve_time and so on of an MPC that replans.
         time: (samples,) [s], 0 at the start of the motion.
         scenario: what was simulated.
         architecture: which of the four controllers.
@@ -79,7 +81,14 @@ def assemble(
         tool[k] = [*X_WT.rotation().ToQuaternion().wxyz(), *X_WT.translation()]
     a = np.diff(v, axis=0, append=v[-1:]) / scenario.controller.period
     values = {name: signals[name][:3].T for name in ("x_cmd", "v_cmd", "a_cmd")} | {"x": x, "v": v, "a": a}
-    values |= {name: signals[name].T for name in ("q", "qd", "tau")}
+    values |= {"x_meas": x, "v_meas": v, "a_meas": a}
+    if "q_meas" in signals:
+        seen = zip(signals["q_meas"].T, signals["qd_meas"].T, strict=True)
+        six = np.array([arm.task_position_velocity(*each) for each in seen])
+        x_meas, v_meas = six[:, 0, :3], six[:, 1, :3]
+        a_meas = np.diff(v_meas, axis=0, append=v_meas[-1:]) / scenario.controller.period
+        values |= {"x_meas": x_meas, "v_meas": v_meas, "a_meas": a_meas}
+    values |= {name: signals[name].T for name in ("q", "qd", "tau", "tau_cmd")}
     values["tau_dis"] = signals.get("tau_dis", np.zeros((arm.n_joints, samples))).T
     values |= {"tool_pose": continuous(tool), "block_pose": continuous(signals["block_pose"].T)}
     values["sliding_angle"] = contact.sliding_angle(a[:, :2], x[:, 2])

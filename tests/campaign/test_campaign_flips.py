@@ -14,10 +14,10 @@ from flipdiagram.campaign.run import run
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.flips import child_process
 from flipdiagram.flips.flight import fly
-from flipdiagram.flips.outcome import LIMITED
 from flipdiagram.flips.store_file import open_to_read
 from flipdiagram.planning import plan_motion
-from flipdiagram.simulation.metrics import SATURATED
+from flipdiagram.simulation.events import SATURATED
+from flipdiagram.simulation.verdict import LIMITED
 
 TEXT = """
 base: {simulation: {hold_time: 0.05, settle_time: 0.05}}
@@ -69,12 +69,12 @@ def test_a_flip_that_lacks_torque_fails_by_its_limit_and_one_that_never_reached_
     for payload in (0.0, 1.0):
         weak = rows[0.15, payload]
         assert weak["outcome"] == "torque limit" and weak["metrics"]["saturated_s"] > 5 * LIMITED
-        assert weak["failure"].startswith("blade hit the table") and weak["metrics"]["torque_use"] >= SATURATED
+        assert weak["failure"].startswith("torque limit from") and weak["metrics"]["torque_use"] >= SATURATED
     # torque is all that it lacked: with the arm's own the same flip succeeds
     assert rows[1.0, 0.0]["outcome"] == "turned over"
     # an unknown payload of 1 kg fails the same way, with torque to spare
     heavy = rows[1.0, 1.0]
-    assert heavy["outcome"] == "hit the table" and heavy["failure"].startswith("blade hit the table")
+    assert heavy["outcome"] == "struck the table" and heavy["failure"].startswith("struck the table at")
     assert heavy["metrics"]["saturated_s"] == 0 and heavy["metrics"]["torque_use"] < 0.9
 
 

@@ -95,7 +95,7 @@ def test_the_result_is_written_with_its_figure(found, tmp_path):
     held = found[1]["held_out"]
     assert sum(held["default"]["modes"].values()) == 40
     lost = 40 - held["default"]["modes"]["turned over"]
-    assert f"{lost} slid off" in page or f"{lost} tipped" in page
+    assert f"{lost} slid later" in page or f"{lost} tipped" in page
     assert report_section(tmp_path.parent, ["nothing"]) == ""
     text = report_section(tmp_path.parent, ["nothing", tmp_path.name])
     assert "Default gains against tuned ones" in text

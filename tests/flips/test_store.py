@@ -22,7 +22,8 @@ from flipdiagram.flips.outcome import Outcome
 from flipdiagram.flips.store import SCHEMA, Row
 from flipdiagram.flips.store_file import APPLICATION, is_running, open_to_read, open_to_write
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.simulation.metrics import FlipMetrics, Touchdown
+from flipdiagram.simulation.events import Touchdown
+from flipdiagram.simulation.metrics import FlipMetrics
 
 META = {"digest": "d", "specification": "{}", "rows": "60"}
 
@@ -31,7 +32,7 @@ def row(k, text="x"):
     return Row(
         k,
         "pd",
-        "slid off",
+        "slid later",
         text,
         1,
         "hash",
@@ -76,7 +77,7 @@ def refused(path, *words, meta=META, resume=True, reading=True):
 def test_rows_come_back_as_they_were_put_and_the_file_is_one_file(file):
     with open_to_read(file) as results:
         assert list(results.rows()) == [row(k) for k in range(5)]
-        assert results.counts() == [("pd", "slid off", 5)]
+        assert results.counts() == [("pd", "slid later", 5)]
         assert results.meta() == META
     assert sorted(path.name for path in file.parent.iterdir()) == ["campaign.sqlite", "campaign.sqlite.lock"]
 

@@ -20,7 +20,9 @@ def assert_all_constraints_hold(plan: Plan, scenario: Scenario) -> None:
     n, dt, x, u = plan.n_contact, plan.sampling_time, plan.states[:, :3], plan.inputs
     assert plan.residual < 1e-6
     np.testing.assert_allclose(plan.states[0], [scenario.task.start_y, scenario.task.start_z, 0, 0, 0, 0], atol=1e-8)
-    np.testing.assert_allclose(plan.states[-1, 3:], 0, atol=1e-8)
+    assert plan.n_brake == (0 if settings.stop == "immediate" else settings.brake_samples)
+    if plan.n_brake:
+        np.testing.assert_allclose(plan.states[-1, 3:], 0, atol=1e-8)
     np.testing.assert_allclose(x[1:], x[:-1] + plan.states[:-1, 3:] * dt + u * dt**2 / 2, atol=1e-9)
     np.testing.assert_allclose(plan.states[1:, 3:], plan.states[:-1, 3:] + u * dt, atol=1e-8)
     assert plan.release[2] > np.pi / 2 + settings.release_angle - 1e-6
@@ -52,6 +54,22 @@ def assert_all_constraints_hold(plan: Plan, scenario: Scenario) -> None:
     landing[4] -= G * flight
     expected = (landing[2] - np.pi) ** 2 + settings.alpha * (landing[0] - scenario.task.target_y) ** 2
     assert plan.cost == pytest.approx(expected + settings.beta * (landing[3] ** 2 + landing[4] ** 2), rel=1e-6)
+
+
+@pytest.mark.parametrize("solver", ["daqp", "clarabel"])
+def test_a_command_that_stops_at_the_release_keeps_all_constraints_and_its_velocity_until_then(solver):
+    scenario = Scenario().with_overrides({"planner.stop": "immediate", "planner.solver": solver})
+    plan = plan_motion(scenario)
+    assert_all_constraints_hold(plan, scenario)
+    assert plan.duration == plan.release_time and plan.release[5] > 1.0
+    for sample in (plan.sample, plan.at):
+        before, after = sample(plan.duration - 1e-6), sample(plan.duration)
+        np.testing.assert_allclose(before[1], plan.release[3:], atol=1e-3)
+        np.testing.assert_array_equal(after[1:], np.zeros((2, 3)))
+        np.testing.assert_allclose(after[0], plan.release[:3], atol=1e-12)
+    assert Plan.from_json(plan.to_json()).n_brake == 0
+    # what the brakes had to keep to is gone, and nothing else: it lands no worse than with them, but for the grid
+    assert plan.cost == pytest.approx(0.6316, abs=1e-3)
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -201,14 +201,14 @@ def test_a_dataset_that_is_no_recording_is_refused_by_every_method(best, tmp_pat
     [
         ("x", 3, True),
         ("v", 3, True),
-        ("tau", 6, False),
+        ("tau", 6, True),
         ("sliding_angle", 1, True),
         ("x_y", 1, True),
         ("x_cmd", 3, False),
         ("contact_force", 9, False),
         ("block_pose", 7, False),
         ("cone_use", 1, True),
-        ("tau_S", 1, False),
+        ("tau_S", 1, True),
     ],
 )
 def test_every_signal_is_drawn_with_units_command_and_events(best, signal, count, command):

@@ -8,7 +8,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from flipdiagram.planning import plan_motion
 from flipdiagram.robot.parts import add_parts
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.simulation import metrics
+from flipdiagram.simulation import verdict
 from flipdiagram.simulation.margins import with_margins
 from flipdiagram.simulation.recording import in_tool
 from flipdiagram.simulation.simulate import simulate
@@ -149,7 +149,7 @@ QUIET = SCENARIO.with_overrides(
 def flip():
     """A real flip of an arm without joint friction whose weight is compensated: it follows its plan closely."""
     data = simulate(QUIET, "pd+ff+dob", plan_motion(QUIET)).recording
-    assert metrics.judge(data) == (True, None)
+    assert verdict.judge(data) == (True, None)
     return data
 
 

@@ -15,7 +15,7 @@ from flipdiagram.errors import InputError, SimulationError
 from flipdiagram.plants.mujoco_contact import Settings
 from flipdiagram.robot.parts import add_parts
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.simulation import metrics
+from flipdiagram.simulation import events, metrics
 from flipdiagram.simulation import mujoco as second_engine
 from flipdiagram.simulation.mujoco import blade_motion, compare, mjcf, replay_in_mujoco
 from flipdiagram.simulation.recording import in_tool
@@ -139,7 +139,7 @@ def test_after_the_blade_drops_away_the_block_flies_a_parabola_and_lands():
     expected = 0.35 + HALF - G * t**2 / 2 + (15 - G / 2) * 5e-5 * t
     np.testing.assert_allclose(data["block_pose"].values[free, 6], expected[free], atol=1e-7)
     np.testing.assert_allclose(data["block_pose"].values[free, 5], 0.5 * t[free], atol=1e-7)
-    landed = metrics.touchdown(data)
+    landed = events.touchdown(data)
     assert landed.time_s == pytest.approx(np.sqrt(2 * height / G), abs=2e-3)
     assert force(data, "table-block")[-1, 2] == pytest.approx(MASS * G, rel=1e-2)
 

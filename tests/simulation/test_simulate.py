@@ -7,7 +7,8 @@ from shared import default_flip, default_plan
 from flipdiagram.errors import SimulationError
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.simulation import metrics
+from flipdiagram.simulation import events, metrics, verdict
+from flipdiagram.simulation.recording import roll
 from flipdiagram.simulation.simulate import simulate
 from flipdiagram.theory import contact
 
@@ -23,11 +24,11 @@ def flip():
 
 
 def test_the_proposed_controller_turns_the_block_over(flip):
-    assert metrics.judge(flip.recording) == (True, None)
-    landed = metrics.touchdown(flip.recording)
+    assert verdict.judge(flip.recording) == (True, None)
+    landed = events.touchdown(flip.recording)
     assert np.pi / 2 < landed.theta_rad < 3 * np.pi / 2
     # it lies flat on its other side in the end
-    assert metrics.roll(flip.recording["block_pose"].values)[-1] == pytest.approx(np.pi, abs=1e-3)
+    assert roll(flip.recording["block_pose"].values)[-1] == pytest.approx(np.pi, abs=1e-3)
     assert flip.recording["block_pose"].values[-1, 6] == pytest.approx(0.205, abs=1e-4)
 
 
@@ -36,7 +37,7 @@ def test_the_block_neither_slips_nor_touches_the_blade_again(flip):
     assert slip < 0.002
     assert lift < 0.001
     assert metrics.contact_after_release(flip.recording) == 0
-    assert not metrics.touching(flip.recording, "table-blade").any()
+    assert not events.touching(flip.recording, "table-blade").any()
 
 
 def test_every_joint_stays_inside_its_limits(flip):

@@ -167,7 +167,7 @@ def flips():
     both, shape = ("trial", "architecture"), (3, 2)
     numbers = {name: (both, np.arange(6.0).reshape(shape) / 7, {"units": unit}) for name, unit in METRICS.items()}
     numbers["position_rmse_m"][1][1, 1] = np.nan
-    outcome = np.array([["turned over", "slid off"], ["turned over", "no plan"], ["hit the table", ""]])
+    outcome = np.array([["turned over", "slid later"], ["turned over", "no plan"], ["struck the table", ""]])
     torque = (*both, "joint"), np.arange(36.0).reshape((*shape, 6)), {"units": "N m"}
     return xr.Dataset(
         {"outcome": (both, outcome), "success": (both, outcome == "turned over"), **numbers, "max_torque": torque},
@@ -199,7 +199,7 @@ def test_a_campaign_comes_back_from_its_file_and_from_every_export(suffix, tmp_p
     for name in ("seed", "object.mass", "planner.solver", "architecture", "trial"):
         assert list(found[name].values) == list(data[name].values)
     rows = dict(info(path).rows)
-    assert rows["kind"] == "campaign data" and rows["flips, pd"] == "2: slid off 1, no plan 1"
+    assert rows["kind"] == "campaign data" and rows["flips, pd"] == "2: slid later 1, no plan 1"
     if suffix == "sqlite":
         assert open_result(tmp_path).equals(data)  # the folder of a campaign that was broken off
 

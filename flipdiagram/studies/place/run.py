@@ -13,7 +13,8 @@ from flipdiagram.flips.workers import Workers
 from flipdiagram.planning.placing import Placer, PlacingPlan
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
-from flipdiagram.simulation.metrics import rmse, touchdown
+from flipdiagram.simulation.events import touchdown
+from flipdiagram.simulation.metrics import rmse
 from flipdiagram.simulation.recording import Recording, in_tool, roll
 from flipdiagram.simulation.simulate import simulate
 from flipdiagram.studies.study import Progress, silent

@@ -55,7 +55,7 @@ def test_the_parameter_that_tells_the_worlds_apart_comes_first():
     worlds = []
     for border in (0.7, 0.9):
         won = (friction > border)[:, None]
-        outcome = np.where(won, "turned over", "slid off")
+        outcome = np.where(won, "turned over", "slid later")
         worlds.append(
             xr.Dataset(
                 {"outcome": (("trial", "architecture"), outcome), "success": (("trial", "architecture"), won)},
