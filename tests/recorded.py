@@ -96,6 +96,43 @@ def engines():
     }
 
 
+def calibrate():
+    """As four worlds of two unknowns give it."""
+    numbers = [{"name": "position RMSE, mean over the starts", "unit": "cm", "paper": 1.1, "tolerance": 0.15}]
+    unknown = {"source": "", "posterior": [0.2, 0.4, 0.6], "rejection": [0.1, 0.4, 0.7], "base": 0.1}
+    names = ("joint_friction.coulomb", "object.mass")
+    return {
+        "worlds": 4,
+        "starts_y_m": [0.0, 0.14],
+        "rounds": [{"distance": 2.0, "size": 3.0, "kept": 0.5}],
+        "unknowns": [{"name": name, "prior": {"uniform": [0.0, 1.0]}, **unknown} for name in names],
+        "draws": {"u": [[0.2, 0.5], [0.4, 0.6], [0.6, 0.1]], "weight": [0.3, 0.4, 0.3], "distance": [1.0, 1.5, 2.0]},
+        "predictions": [row | {"prior": [0.3, 0.9, 2.0], "posterior": [1.0, 1.1, 1.3]} for row in numbers],
+        "claims": [{"id": "E2", "posterior": 1.0, "prior": 0.5}],
+        "recovered": {"worlds": 2, "coverage": 0.75, "unknowns": dict(zip(names, (0.5, 1.0), strict=True))},
+        "held_out": [
+            {"name": "position RMSE, last start", "paper": 1.18, "interval": [1.0, 1.1, 1.4], "inside": True},
+            {"name": "E5", "paper": True, "share": 0.9},
+        ],
+        "pairs": [{"first": "E3", "second": "E7", "alone": [2, 2], "both": 0, "expected": 1.0, "lift": 0.0}],
+    }
+
+
+def inverse():
+    """As three worlds give it, none of which fits."""
+    flip = {
+        "outcome": "struck the table",
+        "failure": "struck the table at 0.2 s, dropped at 0.3 s",
+        "max_slip_m": 0.004,
+    }
+    world = {"trial": 1, "passed": 0, "values": {"object.friction": 1.5}, "flips": {"pd": flip}}
+    stages = [("pd", ["slid at the start", "slid later"], 3), ("pd+ff", ["slid at the start", "slid later"], 0)]
+    stages += [("pd+dob", ["turned over"], 0), ("pd+ff+dob", ["turned over"], 0)]
+    rows = [{"architecture": name, "wanted": wanted, "flown": n, "went": 0, "modes": {}} for name, wanted, n in stages]
+    found = {"worlds": 3, "found": 0, "rate": 0.0, "low": 0.0, "high": 0.56}
+    return found | {"stages": rows, "worlds_found": [], "smallest": None, "nearest": [world]}
+
+
 BODIES = {
     "turnover": turnover,
     "frequency": frequency,
@@ -104,6 +141,8 @@ BODIES = {
     "replanning": lambda: {"quick": False, "cases": {}, "ways": {}, **report()["replanning"]},
     "place": lambda: report()["place"],
     "engines": engines,
+    "calibrate": calibrate,
+    "inverse": inverse,
     "campaign": campaign,
     "tuning": tuning,
     "report": lambda: {key: value for key, value in report().items() if key not in ("schema", "versions", "scenario")},

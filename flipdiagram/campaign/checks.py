@@ -61,7 +61,7 @@ def specification(source: Source, folder: Path, changes: Mapping[str, Any] | Non
         trials=_trials(source, file, dimensions),
         text=source.text,
         name=source.name,
-        **file.model_dump(exclude={"base", "vary", "trials", "tune"}),
+        **file.model_dump(exclude={"base", "vary", "trials", "tune", "calibrate"}),
     )
     _check_scenarios(source, checked)
     return checked

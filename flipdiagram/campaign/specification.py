@@ -91,8 +91,16 @@ class Specification:
 
     def trial(self, index: int) -> Trial:
         """A trial by its number."""
-        values = [d.distribution.value(float(u)) for d, u in zip(self.dimensions, self.points[index], strict=True)]
+        return self.trial_at(self.points[index], index)
+
+    def trial_at(self, point: Floats, index: int = 0) -> Trial:
+        """The trial at a point of the unit cube, shape (dimensions,), with the seed of a number."""
+        values = [d.distribution.value(float(u)) for d, u in zip(self.dimensions, point, strict=True)]
         return self._trial(index, values)
+
+    def trial_with(self, dimensions: Sequence[Dimension], values: Sequence[Any]) -> Trial:
+        """The trial with these dimensions at these values, and all else as in the base."""
+        return self._trial(0, values, dimensions)
 
     def at_ends(self) -> list[tuple[Dimension, Trial]]:
         """Trials with one dimension at a border and the others as in the base, to be tried before anything runs."""
@@ -100,7 +108,7 @@ class Specification:
 
     def _trial(self, index: int, values: Sequence[Any], dimensions: Sequence[Dimension] | None = None) -> Trial:
         overrides: dict[str, Any] = {}
-        for dimension, value in zip(dimensions or self.dimensions, values, strict=True):
+        for dimension, value in zip(self.dimensions if dimensions is None else dimensions, values, strict=True):
             for field in dimension.fields:
                 overrides[field] = _setting(self.base, overrides, field, dimension, value)
         overrides |= {path: self.seeds[index] for path in SEEDS if path not in overrides}

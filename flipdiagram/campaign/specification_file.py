@@ -42,6 +42,7 @@ class SpecificationFile(Section):
     memory: float = Field(MEMORY, gt=0, description=POSITIVE)
     limit_hours: float = Field(12.0, gt=0, description=POSITIVE)
     tune: Any = Field(None, description="the section that `tuning.TuneSection` checks")
+    calibrate: Any = Field(None, description="the section that the study `calibrate` checks")
 
 
 @dataclass(frozen=True)

@@ -40,8 +40,8 @@ PLACE = "Beyond the paper: the block is let slide off the tilted blade, eq. (8),
 QUICK = "> **A quick report**: coarse, two starts, few maps. Run `flipdiagram report` for the numbers to quote.\n"
 
 
-def page(summary: Summary, studies: Mapping[str, Summary], scenario: Scenario, campaign: str = "") -> str:
-    """The report as Markdown; pictures by their paths below the report's folder; campaign: its section, if any."""
+def page(summary: Summary, studies: Mapping[str, Summary], scenario: Scenario, further: str = "") -> str:
+    """The report as Markdown; pictures by their paths below the report's folder; further: sections of other studies."""
     experiment, borders = studies["experiment"], studies["borders"]
     parts = [
         "# Reproduction report: a robot arm turns a block over",
@@ -73,7 +73,7 @@ def page(summary: Summary, studies: Mapping[str, Summary], scenario: Scenario, c
         PLACE,
         *(grid.section() for grid in place_tables(studies["place"])),
         _pictures("place", PLACE_FIGURES),
-        f"## How often does it work?\n\n{campaign}" if campaign else "",
+        further,
         "## What is assumed",
         "Every field of the scenario; the studies above change only the fields that they name.",
         scenario_grid(scenario).markdown(),

@@ -4,10 +4,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-from flipdiagram.campaign.study import report_section
 from flipdiagram.files import write_atomically, write_summary
 from flipdiagram.report.claims import all_claims
 from flipdiagram.report.html import self_contained
+from flipdiagram.report.optional import optional_sections
 from flipdiagram.report.pages import page
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.studies.registry import STUDIES
@@ -38,7 +38,7 @@ def run(
     body = {"quick": quick, "claims": claims, **_excerpt(summaries)}
     written = write_summary(folder / "summary.json", "report", scenario, body)
     summary = json.loads(written.read_text(encoding="utf-8"))
-    text = page(summary, summaries, scenario, report_section(folder))
+    text = page(summary, summaries, scenario, optional_sections(folder))
     write_atomically(folder / "report.md", text)
     write_atomically(folder / "report.html", self_contained(text, folder))
 

@@ -62,6 +62,33 @@ def engines(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
     return {name: data.assign_attrs(_head(summary)) for name, data in parts.items()}
 
 
+def calibrate(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
+    """'predictions' of the paper's numbers by name, quantiles of prior and posterior; 'claims', shares of worlds; the
+    posterior's 'draws' by unknown in the unit cube of the priors, with their weights."""
+    rows = []
+    for entry in summary["predictions"]:
+        row = {"name": entry["name"], "paper": entry["paper"]}
+        for kind in ("prior", "posterior"):
+            row |= dict(zip((f"{kind}_low", f"{kind}_median", f"{kind}_high"), entry[kind] or (None,) * 3, strict=True))
+        rows.append(row)
+    draws, names = summary["draws"], [entry["name"] for entry in summary["unknowns"]]
+    parts = {
+        "predictions": _table(rows, ["name"]),
+        "claims": _table([dict(row) for row in summary["claims"]], ["id"]),
+        "draws": xr.Dataset(
+            {"u": (("draw", "unknown"), np.array(draws["u"]).reshape(-1, len(names)), {"units": "1"})},
+            coords={"unknown": names, "weight": ("draw", np.array(draws["weight"]), {"units": "1"})},
+        ),
+    }
+    return {name: data.assign_attrs(_head(summary)) for name, data in parts.items()}
+
+
+def inverse(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
+    """'stages' by controller: worlds flown, and those that went as E1 tells."""
+    rows = [{name: stage[name] for name in ("architecture", "flown", "went")} for stage in summary["stages"]]
+    return {"stages": _table(rows, ["architecture"]).assign_attrs(_head(summary), found=summary["found"])}
+
+
 def campaign(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
     """Rates, intervals and counts of how flips ended by architecture; 'pairs' of architectures; 'quantiles' of errors.
 

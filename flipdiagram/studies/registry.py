@@ -74,6 +74,22 @@ _RECORDS = (
         JOBS,
     ),
     _study(
+        "calibrate",
+        "Find the worlds that explain what the paper measured.",
+        Option("file", nargs="?", metavar="FILE", help="priors as YAML, see examples/calibration.yaml"),
+        _SCHEDULER,
+        flag("--yes", "even if it takes longer than limit_hours"),
+        JOBS,
+    ),
+    _study(
+        "inverse",
+        "Search worlds in which only the observers keep the block.",
+        Option("file", nargs="?", metavar="FILE", help="the box of worlds as YAML, see examples/calibration.yaml"),
+        _SCHEDULER,
+        flag("--yes", "even if it takes longer than limit_hours"),
+        JOBS,
+    ),
+    _study(
         "place",
         "Lay the object down: it slides off the tilted spatula.",
         ARCHITECTURE,

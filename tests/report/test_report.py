@@ -6,6 +6,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
+import recorded
 from matplotlib.figure import Figure
 
 from flipdiagram.files import write_summary
@@ -14,6 +15,7 @@ from flipdiagram.report import report
 from flipdiagram.report.claims import all_claims, claims_grid
 from flipdiagram.report.findings import border_sentences, fragile_sentence, lead_sentence
 from flipdiagram.report.html import self_contained
+from flipdiagram.report.optional import SECTIONS, optional_sections
 from flipdiagram.report.pages import EXPERIMENT_FIGURES, FREQUENCY_FIGURES, PLACE_FIGURES
 from flipdiagram.report.sources import NOT_ASSUMED, model_grid, scenario_grid
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, field_paths
@@ -320,3 +322,18 @@ def test_the_models_numbers_are_listed_with_their_confidence():
     assert isinstance(grid, Grid) and len(grid.rows) > 5
     assert {row[0] for row in grid.rows} >= {"`urdf/mh3f.urdf`"}
     assert all(re.search(r"\[[HML]", row[1]) for row in grid.rows)
+
+
+def test_studies_that_take_hours_are_shown_where_they_lie_and_nowhere_else(tmp_path):
+    assert optional_sections(tmp_path) == ""
+    for name in SECTIONS:
+        (tmp_path / name).mkdir()
+        recorded.write(STUDIES[name], tmp_path / name)
+    text = optional_sections(tmp_path)
+    for name, section in SECTIONS.items():
+        assert f"## {section.heading}" in text and section.text in text
+        for picture, caption in section.pictures:
+            shown = f"![{caption}]({name}/{picture}.png)" in text
+            assert shown == (tmp_path / name / f"{picture}.png").is_file()
+    assert "| `pd` | 4 | 3 | 2 | 3 | 75.0 % |" in text  # the verdicts of two engines
+    assert "![The paper's numbers, and those of the worlds before and after](calibrate/predictions.png)" in text

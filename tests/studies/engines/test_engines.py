@@ -42,7 +42,7 @@ def test_the_flips_that_differ_are_those_between_the_borders(summary):
         assert entry["low"] < entry["rate"] == (30 - len(between)) / 30 < entry["high"]
         assert sum(row["flips"] for row in entry["outcomes"]) == 30
     for flip in summary["differ"]:
-        assert flip["outcomes"] == ["turned over", "tipped"]  # as made_up has it
+        assert flip["outcomes"] == ["turned over", "slid later"]  # as made_up has it
         assert flip["values"]["object.friction"] == frictions[flip["trial"]]
 
 

@@ -1,0 +1,62 @@
+"""What the report shows of studies that take hours, where they lie in its folder: they are never run for it."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from flipdiagram.campaign.study import report_section
+from flipdiagram.grid import Grid
+from flipdiagram.studies.registry import STUDIES
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading, what the study did, and its pictures with their captions."""
+
+    heading: str
+    text: str
+    pictures: tuple[tuple[str, str], ...]
+
+
+SECTIONS = {
+    "engines": Section(
+        "Do the engines agree?",
+        "The worlds of a campaign flown in Drake and in MuJoCo, closed loop: the same diagram and the same controller.",
+        (("engines", "Verdicts of both engines, over the two parameters that tell their worlds apart best"),),
+    ),
+    "calibrate": Section(
+        "Which worlds explain what the paper measured?",
+        "Worlds drawn from priors of what the paper does not tell, flown, and kept where they print its numbers.",
+        (
+            ("predictions", "The paper's numbers, and those of the worlds before and after"),
+            ("posterior", "The unknowns that the numbers tell most about"),
+        ),
+    ),
+    "inverse": Section(
+        "In which worlds does the block slide off as the paper tells?",
+        "Worlds of a wide box in which PD and PD+FF lose the block by sliding, with no strike before, and both with"
+        " observer keep it.",
+        (("mechanism", "The world with the smallest change: friction used, way slid, speeds of the joints"),),
+    ),
+}
+"""By the study, which is the name of its folder."""
+
+
+def optional_sections(folder: Path) -> str:
+    """The sections of the studies below `folder` that are there, campaign and tuning last; '' without any."""
+    parts = [_section(name, section, folder / name) for name, section in SECTIONS.items() if _there(folder / name)]
+    campaign = report_section(folder)
+    return "\n\n".join([*parts, f"## How often does it work?\n\n{campaign}"] if campaign else parts)
+
+
+def _there(folder: Path) -> bool:
+    return (folder / "summary.json").is_file()
+
+
+def _section(name: str, section: Section, folder: Path) -> str:
+    study, summary = STUDIES[name], json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    study.figures(summary, folder)
+    grids = [grid.section() for grid in study.tables(summary) if isinstance(grid, Grid) and grid.rows]
+    drawn = [(picture, text) for picture, text in section.pictures if (folder / f"{picture}.png").is_file()]
+    pictures = [f"![{text}]({name}/{picture}.png)\n\n*{text}*" for picture, text in drawn]
+    return "\n\n".join([f"## {section.heading}", section.text, *grids, *pictures])

@@ -1,0 +1,231 @@
+"""`flipdiagram calibrate`: which worlds explain what the paper measured?"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flipdiagram.arrays import Floats
+from flipdiagram.campaign.checks import changes_of
+from flipdiagram.campaign.run import WORK
+from flipdiagram.campaign.specification import Specification, value_of
+from flipdiagram.errors import InputError
+from flipdiagram.files import plain, write_summary
+from flipdiagram.flips.driver import Flying
+from flipdiagram.flips.flight import Work
+from flipdiagram.flips.run import Clock
+from flipdiagram.flips.store_file import open_to_write
+from flipdiagram.flips.workers import workers_of
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.studies.calibrate import inference
+from flipdiagram.studies.calibrate.inference import Population
+from flipdiagram.studies.calibrate.observations import (
+    CLAIMS,
+    DATA,
+    PAPER,
+    QUANTITIES,
+    Observation,
+    agreements,
+    deviations,
+    distance,
+    needed,
+)
+from flipdiagram.studies.calibrate.section import CalibrateSection, load_calibration
+from flipdiagram.studies.calibrate.worlds import Worlds
+from flipdiagram.studies.study import Progress, silent
+
+FILE = "calibrate.sqlite"
+Data = dict[str, Any]
+
+
+def run(
+    scenario: Scenario,
+    out: str | Path,
+    *,
+    file: str | None,
+    yes: bool = False,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    progress: Progress = silent,
+    work: Work = WORK,
+) -> None:
+    """Draw worlds from the priors of a file, fly them, keep those like the paper's, go on about them; summary.json.
+
+    Each flip is kept in `out`/calibrate.sqlite as it ends: an interrupted calibration goes on where it was.
+
+    Args:
+        scenario: its fields that are not at their defaults count more than the base of the file.
+        out: folder of the results.
+        file: the campaign with its section `calibrate`, see examples/calibration.yaml.
+        yes: even if it takes longer than the file's limit.
+        jobs: processes, by default one a core.
+        scheduler: address of a Dask scheduler, whose workers fly instead.
+        progress: told how far it is.
+        work: what workers do.
+
+    Raises InputError.
+    """
+    if file is None:
+        raise InputError("calibrate needs a FILE; see examples/calibration.yaml", field="FILE")
+    priors, settings = load_calibration(file, changes_of(scenario))
+    if yes:
+        priors = replace(priors, limit_hours=math.inf)
+    flips = len(needed(settings.starts)) * (priors.trials + settings.rounds * settings.population)
+    stored = open_to_write(Path(out) / FILE, {"digest": "flips of a calibration"})
+    with stored as store, workers_of(jobs, scheduler) as workers:
+        clock = Clock(flips, progress)
+        worlds = Worlds(priors, settings.starts, Flying(workers, store, work, priors.limits, clock.tick))
+        body = calibrate(priors, settings, worlds, progress)
+    write_summary(Path(out) / "summary.json", "calibrate", priors.base, body)
+
+
+def calibrate(
+    priors: Specification, settings: CalibrateSection, worlds: Worlds, progress: Progress = silent
+) -> dict[str, Any]:
+    """The body of the summary: posterior, its checks, predictions, and which data pull against each other."""
+    progress(f"{priors.trials} worlds from the priors")
+    worlds.fly(priors.points)
+    prior, rng = np.arange(priors.trials), np.random.default_rng(priors.seed)
+    distances = _distances(worlds, PAPER)
+    rejected = inference.rejection(worlds.u, distances, settings.population)
+    if len(rejected.u) < 2:
+        raise InputError(
+            f"{len(rejected.u)} of {priors.trials} worlds of these priors can be measured at all; valid are priors of"
+            " worlds in which FF+DOB and DOB turn the block over",
+            field="vary",
+        )
+
+    def simulate(u: Floats) -> tuple[np.ndarray, Floats]:
+        progress(f"{len(u)} worlds about the nearest {len(rejected.u)}")
+        index = worlds.fly(u)
+        return index, np.array([distance(worlds.observations[k]) for k in index])
+
+    population, history = inference.sequential(rejected, priors.trials, simulate, settings.rounds, rng)
+    return {
+        "worlds": len(worlds.observations),
+        "starts_y_m": list(settings.starts),
+        "rounds": history,
+        "unknowns": _unknowns(priors, settings, worlds, population, rejected),
+        "draws": _draws(worlds, population),
+        "predictions": _predictions(worlds, population, prior),
+        "claims": _claims(worlds, population, prior),
+        "recovered": _recovered(priors, settings, worlds, prior),
+        "held_out": [_held_out(name, settings, worlds, prior) for name in settings.hold_out],
+        "pairs": _pairs(worlds, prior),
+    }
+
+
+def _distances(worlds: Worlds, data: Observation, without: Sequence[str] = ()) -> Floats:
+    return np.array([distance(world, data, without) for world in worlds.observations])
+
+
+def _deviations(worlds: Worlds, data: Observation) -> Floats:
+    return np.array([deviations(world, data) for world in worlds.observations])
+
+
+def _unknowns(
+    priors: Specification, settings: CalibrateSection, worlds: Worlds, population: Population, rejected: Population
+) -> list[Data]:
+    """Each unknown with its prior and source, and its posterior's 5, 50 and 95 %, by the sampler and by rejection."""
+    found = []
+    for kept in (population, rejected):
+        moved, weight = inference.adjusted(kept, _deviations(worlds, PAPER)[kept.index])
+        found.append([priors.trial_at(u).values for u in inference.quantiles(moved, weight)])
+    return [
+        {
+            "name": dimension.name,
+            "prior": dimension.as_dict()["vary"],
+            "source": settings.sources.get(dimension.name, ""),
+            "base": plain(value_of(priors.base, dimension.fields[0])),
+            "posterior": [plain(row[k]) for row in found[0]],
+            "rejection": [plain(row[k]) for row in found[1]],
+        }
+        for k, dimension in enumerate(priors.dimensions)
+    ]
+
+
+def _draws(worlds: Worlds, population: Population) -> Data:
+    """The posterior's draws in the unit cube, moved by regression, with weights: for the corner plot."""
+    moved, weight = inference.adjusted(population, _deviations(worlds, PAPER)[population.index])
+    return {"u": moved.tolist(), "weight": weight.tolist(), "distance": population.distance.tolist()}
+
+
+def _predictions(worlds: Worlds, population: Population, prior: np.ndarray) -> list[Data]:
+    """Of each number of the paper: 5, 50 and 95 % over the posterior's worlds, and over the prior's."""
+    numbers = np.array([world.numbers for world in worlds.observations])
+    posterior = inference.quantiles(numbers[population.index], population.weight)
+    rows = []
+    for k, quantity in enumerate(QUANTITIES):
+        before = numbers[prior, k][np.isfinite(numbers[prior, k])]
+        rows.append(
+            {
+                "name": quantity.name,
+                "unit": quantity.unit,
+                "paper": quantity.paper,
+                "tolerance": quantity.tolerance,
+                "prior": np.quantile(before, inference.INTERVAL).tolist() if before.size else None,
+                "posterior": posterior[:, k].tolist(),
+            }
+        )
+    return rows
+
+
+def _claims(worlds: Worlds, population: Population, prior: np.ndarray) -> list[Data]:
+    """In what share of the posterior's worlds, and of the prior's, each claim E1–E8 holds."""
+    holds = np.array([world.claims for world in worlds.observations], dtype=float)
+    shares = population.weight @ holds[population.index]
+    return [
+        {"id": id, "posterior": float(shares[k]), "prior": float(holds[prior, k].mean())} for k, id in enumerate(CLAIMS)
+    ]
+
+
+def _recovered(priors: Specification, settings: CalibrateSection, worlds: Worlds, prior: np.ndarray) -> Data:
+    """Worlds of the prior whose own output is the data: how often the 90 % intervals hold the truth, by unknown."""
+    known = np.isfinite(_distances(worlds, PAPER)[prior])
+    chosen = prior[known][: settings.synthetic]
+    u, number = worlds.u[prior], settings.population
+    drawn = [worlds.observations[k] for k in prior]
+
+    def seen_from(k: int) -> tuple[Floats, Floats]:
+        data = drawn[k]
+        return np.array([distance(world, data) for world in drawn]), np.array([deviations(w, data) for w in drawn])
+
+    found = inference.covered(u, seen_from, chosen, number)
+    names = [dimension.name for dimension in priors.dimensions]
+    shares = found.mean(axis=0).tolist() if len(chosen) else [None] * len(names)
+    return {
+        "worlds": len(chosen),
+        "coverage": float(found.mean()) if found.size else None,
+        "unknowns": dict(zip(names, shares, strict=True)),
+    }
+
+
+def _held_out(name: str, settings: CalibrateSection, worlds: Worlds, prior: np.ndarray) -> Data:
+    """What the worlds nearest to all other data say of a datum that they were not chosen by."""
+    distances = _distances(worlds, PAPER, (name,))[prior]
+    kept = inference.rejection(worlds.u[prior], distances, settings.population)
+    position = DATA.index(name)
+    if position < len(QUANTITIES):
+        numbers = np.array([worlds.observations[k].numbers[position] for k in prior[kept.index]])
+        finite = np.isfinite(numbers)
+        low, middle, high = inference.quantiles(numbers[finite], kept.weight[finite])[:, 0].tolist()
+        paper = QUANTITIES[position].paper
+        return {"name": name, "paper": paper, "interval": [low, middle, high], "inside": low <= paper <= high}
+    holds = np.array([agreements(worlds.observations[k])[position] for k in prior[kept.index]], dtype=float)
+    return {"name": name, "paper": True, "share": float(kept.weight @ holds)}
+
+
+def _pairs(worlds: Worlds, prior: np.ndarray) -> list[Data]:
+    """Pairs of data that hold together less often than if they were independent, the worst first."""
+    agree = np.array([agreements(worlds.observations[k]) for k in prior])
+    rows = []
+    for i, j in zip(*np.triu_indices(len(DATA), 1), strict=True):
+        both, alone = int((agree[:, i] & agree[:, j]).sum()), (int(agree[:, i].sum()), int(agree[:, j].sum()))
+        expected = alone[0] * alone[1] / max(len(prior), 1)
+        if expected >= 1 and both < expected:
+            entry = {"first": DATA[i], "second": DATA[j], "alone": list(alone), "both": both, "expected": expected}
+            rows.append(entry | {"lift": both / expected})
+    return sorted(rows, key=lambda row: row["lift"])

@@ -1,0 +1,108 @@
+"""`flipdiagram inverse`: in which worlds would E1 hold as the paper tells it?"""
+
+import math
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from flipdiagram.campaign.checks import changes_of, load_specification
+from flipdiagram.campaign.run import WORK
+from flipdiagram.campaign.specification import value_of
+from flipdiagram.campaign.statistics import success_rate
+from flipdiagram.errors import InputError
+from flipdiagram.files import plain, write_summary
+from flipdiagram.flips.driver import Flying, fly_all
+from flipdiagram.flips.flight import Work
+from flipdiagram.flips.run import Clock
+from flipdiagram.flips.store_file import open_to_write
+from flipdiagram.flips.workers import workers_of
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.studies.inverse.search import STAGES, Search, World
+from flipdiagram.studies.study import Progress, silent
+
+FILE = "inverse.sqlite"
+MISSES = 10
+"""Nearest worlds that are shown."""
+
+
+def run(
+    scenario: Scenario,
+    out: str | Path,
+    *,
+    file: str | None,
+    yes: bool = False,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    progress: Progress = silent,
+    work: Work = WORK,
+) -> None:
+    """Search the worlds of a campaign's file; write summary.json, and recordings of the world with least change.
+
+    Each flip is kept in `out`/inverse.sqlite as it ends: an interrupted search goes on where it was.
+
+    Args:
+        scenario: its fields that are not at their defaults count more than the base of the file.
+        out: folder of the results.
+        file: the box of worlds as a campaign; its architectures do not count.
+        yes: even if it takes longer than the file's limit.
+        jobs: processes, by default one a core.
+        scheduler: address of a Dask scheduler, whose workers fly instead.
+        progress: told how far it is.
+        work: what workers do.
+
+    Raises InputError.
+    """
+    if file is None:
+        raise InputError("inverse needs the FILE of a campaign; see examples/calibration.yaml", field="FILE")
+    box = load_specification(file, changes_of(scenario))
+    if yes:
+        box = replace(box, limit_hours=math.inf)
+    stored = open_to_write(Path(out) / FILE, {"digest": "flips of an inverse problem"})
+    with stored as store, workers_of(jobs, scheduler) as workers:
+        clock = Clock(box.trials, lambda text: None)
+        search = Search(box, Flying(workers, store, work, box.limits, clock.tick))
+        worlds = search.run(lambda done, found: progress(f"{done} of {box.trials} worlds, {found} as the paper tells"))
+        found = sorted((world for world in worlds if world.passed == len(STAGES)), key=lambda world: world.index)
+        least = None
+        if found:
+            progress("the smallest change that does it")
+            least = min((search.smallest(world) for world in found[:MISSES]), key=lambda world: len(world.dimensions))
+            _record(search, least, Path(out), Flying(workers, store, work, box.limits))
+    write_summary(Path(out) / "summary.json", "inverse", box.base, _body(worlds, found, least, box.base))
+
+
+def _record(search: Search, world: World, out: Path, flying: Flying) -> None:
+    """Fly a world once more for its recordings."""
+    flights = []
+    for name, _ in STAGES:
+        if (flight := search.flight(world, name)) is not None:
+            flights.append(replace(flight, trial=f"recorded {flight.trial}", recording=out / f"{name}.nc"))
+            flying.store.forget(flights[-1].trial, name)
+    fly_all(flights, flying)
+
+
+def _body(worlds: list[World], found: list[World], least: World | None, base: Scenario) -> dict[str, Any]:
+    nearest = sorted((world for world in worlds if world.passed < len(STAGES)), key=lambda world: world.rank)
+    stages = []
+    for stage, (name, wanted) in enumerate(STAGES):
+        reached = [world for world in worlds if world.passed >= stage]
+        modes = Counter(world.outcomes[name].mode for world in reached if name in world.outcomes)
+        went = sum(world.passed > stage for world in worlds)
+        stages.append(
+            {"architecture": name, "wanted": list(wanted), "flown": len(reached), "went": went, "modes": modes}
+        )
+    smallest = None
+    if least is not None:
+        changes = least.as_dict()
+        of_base = {d.name: plain(value_of(base, d.fields[0])) for d in least.dimensions}
+        smallest = changes | {"base": of_base}
+    return {
+        "worlds": len(worlds),
+        "found": len(found),
+        **success_rate(len(found), len(worlds)),
+        "stages": stages,
+        "worlds_found": [plain(world.as_dict()) for world in found[:MISSES]],
+        "smallest": plain(smallest),
+        "nearest": [plain(world.as_dict()) for world in nearest[:MISSES]],
+    }

@@ -1,0 +1,144 @@
+"""E1 as an inverse problem: worlds in which PD and PD+FF lose the block by sliding and both with observer keep it.
+
+Three worlds in four end with the first flip: the controllers are flown one after another, the next one only where the
+last did as the paper tells.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from flipdiagram.campaign.specification import Dimension, Specification, Trial, value_of
+from flipdiagram.errors import InputError
+from flipdiagram.flips.driver import Flying, fly_all
+from flipdiagram.flips.flight import Flight
+from flipdiagram.flips.flip import Flip
+from flipdiagram.flips.outcome import SUCCESS, Outcome
+from flipdiagram.simulation.verdict import SLIDES
+
+STAGES: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("pd", SLIDES),
+    ("pd+ff", SLIDES),
+    ("pd+dob", (SUCCESS,)),
+    ("pd+ff+dob", (SUCCESS,)),
+)
+"""The controllers in the order in which they are flown, and the outcomes that E1 asks of each."""
+BATCH = 500
+"""Worlds flown before the next are made."""
+BISECTIONS = 6
+"""Halvings of the way from a world's value to the base's."""
+
+
+@dataclass(frozen=True)
+class World:
+    """A world by what is other than in the base: dimensions with their values, and what became of it so far."""
+
+    index: int
+    dimensions: tuple[Dimension, ...]
+    values: tuple[Any, ...]
+    outcomes: Mapping[str, Outcome]
+
+    @property
+    def passed(self) -> int:
+        """How many of `STAGES` went as the paper tells; all of them: E1 holds here."""
+        for stage, (name, wanted) in enumerate(STAGES):
+            if name not in self.outcomes or self.outcomes[name].mode not in wanted:
+                return stage
+        return len(STAGES)
+
+    @property
+    def rank(self) -> tuple[int, float]:
+        """Smaller is nearer to E1: more stages passed, then the farther the block slid under the one that differs."""
+        stage = self.passed
+        last = self.outcomes.get(STAGES[stage][0]) if stage < len(STAGES) else None
+        slip = last.metrics.max_slip_m if last is not None and last.metrics is not None else 0.0
+        # of a controller that should keep the block, the less it slid the nearer
+        return -stage, -slip if stage < 2 else slip
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data: values by name, and of each controller flown its outcome, its text and the slip."""
+        flown = {
+            name: {
+                "outcome": outcome.mode,
+                "failure": outcome.failure,
+                "max_slip_m": outcome.metrics and outcome.metrics.max_slip_m,
+            }
+            for name, outcome in self.outcomes.items()
+        }
+        values = {dimension.name: value for dimension, value in zip(self.dimensions, self.values, strict=True)}
+        return {"trial": self.index, "passed": self.passed, "values": values, "flips": flown}
+
+
+class Search:
+    """Flies worlds stage by stage; each flip is kept as it ends."""
+
+    def __init__(self, box: Specification, flying: Flying) -> None:
+        self._box, self._flying = box, flying
+
+    def run(self, told: Callable[[int, int], None] = lambda done, found: None) -> list[World]:
+        """All worlds of the box, in the order of their numbers; told: how many are done, how many fit so far."""
+        box, worlds = self._box, []
+        for begin in range(0, box.trials, BATCH):
+            trials = [box.trial(k) for k in range(begin, min(begin + BATCH, box.trials))]
+            worlds += self.fly([World(trial.index, box.dimensions, trial.values, {}) for trial in trials])
+            told(len(worlds), sum(world.passed == len(STAGES) for world in worlds))
+        return worlds
+
+    def fly(self, worlds: Sequence[World]) -> list[World]:
+        """The worlds with what became of them, flown as far as E1 holds."""
+        known = list(worlds)
+        for stage, (name, _) in enumerate(STAGES):
+            asked = {k: self.flight(world, name) for k, world in enumerate(known) if world.passed == stage}
+            flights = {str(flight.trial): flight for flight in asked.values() if flight is not None}
+            store = self._flying.store
+            missing = [flight for flight in flights.values() if store.outcome(flight.trial, name) is None]
+            fly_all(missing, self._flying)
+            for k, flight in asked.items():
+                outcome = store.outcome(flight.trial, name) if flight is not None else None
+                outcome = outcome or Outcome(None, "refused: such a world cannot be")
+                known[k] = replace(known[k], outcomes={**known[k].outcomes, name: outcome})
+        return known
+
+    def flight(self, world: World, architecture: str) -> Flight | None:
+        """The question of a world under a controller; None where it cannot be."""
+        box = self._box
+        trial: Trial = box.trial_with(world.dimensions, world.values)
+        try:
+            truth, believed = box.truth(trial), box.believed(trial)
+        except InputError:
+            return None
+        flight = Flight(0, truth, believed, architecture, trial.seed, trial.values, trial.overrides)
+        return replace(flight, trial=f"{Flip(truth, architecture).key} {flight.plan_key}")
+
+    def smallest(self, world: World) -> World:
+        """The world with as little as possible changed from the base: what is not needed left out, the rest halved.
+
+        Each unknown in turn, from the first on, is set back to the base's value, then moved towards it by halving, and
+        what still fits is kept.
+        """
+        for name in [dimension.name for dimension in world.dimensions]:
+            kept = [k for k, dimension in enumerate(world.dimensions) if dimension.name != name]
+            smaller = self._with(world, [world.dimensions[k] for k in kept], [world.values[k] for k in kept])
+            world = smaller if smaller.passed == len(STAGES) else self._nearer(world, name)
+        return world
+
+    def _nearer(self, world: World, name: str) -> World:
+        """The world with one value as near to the base's as halving finds it."""
+        k = [dimension.name for dimension in world.dimensions].index(name)
+        dimension, value = world.dimensions[k], world.values[k]
+        base = 1.0 if dimension.scale else value_of(self._box.base, dimension.fields[0])
+        if not (isinstance(value, float) and isinstance(base, float)):
+            return world
+        low, high = 0.0, 1.0  # shares of the way from the base at which it does not fit, and fits
+        for _ in range(BISECTIONS):
+            share = (low + high) / 2
+            moved = float(f"{base + share * (value - base):.4g}")
+            tried = self._with(world, world.dimensions, [*world.values[:k], moved, *world.values[k + 1 :]])
+            if tried.passed == len(STAGES):
+                world, high = tried, share
+            else:
+                low = share
+        return world
+
+    def _with(self, world: World, dimensions: Sequence[Dimension], values: Sequence[Any]) -> World:
+        return self.fly([World(world.index, tuple(dimensions), tuple(values), {})])[0]

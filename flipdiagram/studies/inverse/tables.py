@@ -1,0 +1,47 @@
+"""The search for E1 as tables."""
+
+from flipdiagram.grid import Grid, number
+from flipdiagram.studies.study import Summary
+
+
+def tables(summary: Summary) -> list[Grid]:
+    """How far the worlds came, the smallest change that does it, and the worlds that came nearest."""
+    return [stage_grid(summary), smallest_grid(summary), nearest_grid(summary)]
+
+
+def stage_grid(summary: Summary) -> Grid:
+    """A row for each controller, in the order in which they are flown."""
+    rows = []
+    for stage in summary["stages"]:
+        modes = sorted(stage["modes"].items(), key=lambda item: -item[1])
+        others = ", ".join(f"{count} {mode}" for mode, count in modes if mode not in stage["wanted"])
+        wanted = " or ".join(stage["wanted"])
+        rows.append([f"`{stage['architecture']}`", wanted, str(stage["flown"]), str(stage["went"]), others or "–"])
+    low, high = (100 * summary[name] for name in ("low", "high"))
+    title = (
+        f"E1 as the paper tells it in {summary['found']} of {summary['worlds']} worlds"
+        f" (95 % interval {low:.2f}–{high:.2f} %)"
+    )
+    return Grid(["controller", "wanted", "worlds", "as wanted", "the others"], rows, title, ["worlds", "as wanted"])
+
+
+def smallest_grid(summary: Summary) -> Grid:
+    """What has to be other than in the base."""
+    smallest = summary["smallest"] or {"values": {}, "base": {}}
+    rows = [[f"`{name}`", _text(smallest["base"][name]), _text(value)] for name, value in smallest["values"].items()]
+    return Grid(["field", "base", "there"], rows, "the smallest change of the base that does it", [])
+
+
+def nearest_grid(summary: Summary) -> Grid:
+    """The worlds that came nearest without getting there."""
+    rows = []
+    for world in summary["nearest"]:
+        flown = "; ".join(f"{name} {flip['failure'] or 'turned over'}" for name, flip in world["flips"].items())
+        slips = [flip["max_slip_m"] for flip in world["flips"].values() if flip["max_slip_m"] is not None]
+        slip = f"{1000 * max(slips):.1f} mm" if slips else "–"
+        rows.append([str(world["trial"]), f"{world['passed']} of {len(summary['stages'])}", slip, flown])
+    return Grid(["world", "as wanted", "slip, at most", "what happened"], rows, "the nearest misses", ["world"])
+
+
+def _text(value: object) -> str:
+    return number(value) if isinstance(value, int | float) and not isinstance(value, bool) else str(value)

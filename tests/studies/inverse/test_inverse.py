@@ -1,0 +1,97 @@
+"""The search for E1 over worlds made up so that friction and inertia decide."""
+
+import json
+import sqlite3
+
+import pytest
+from campaign.made_up import AS_TOLD
+
+from flipdiagram.errors import InputError
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.studies.inverse import run as study
+from flipdiagram.studies.inverse.tables import tables
+
+BOX = """
+vary:
+  object.friction: {uniform: [1.0, 2.0]}
+  arm.link_inertia_scale: {uniform: [0.5, 2.0]}
+  object.mass: {uniform: [0.05, 0.07]}
+sampler: lhs
+trials: 40
+seed: 1
+"""
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("inverse")
+    (folder / "box.yaml").write_text(BOX)
+    study.run(Scenario(), folder, file=str(folder / "box.yaml"), jobs=2, work=AS_TOLD)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def summary(out):
+    return json.loads((out / "summary.json").read_text())
+
+
+def fits(values):
+    return values["object.friction"] < 1.5 and values["arm.link_inertia_scale"] > 1.4
+
+
+def test_every_world_that_fits_is_found_and_no_other(summary):
+    assert summary["worlds"] == 40 and 4 <= summary["found"] <= 12  # a fifth of the box
+    assert all(fits(world["values"]) for world in summary["worlds_found"])
+    assert summary["low"] < 0.2 < summary["high"]
+    assert not any(fits(world["values"]) for world in summary["nearest"])
+
+
+def test_the_smallest_change_leaves_out_what_is_not_needed_and_halves_the_rest(summary):
+    smallest = summary["smallest"]
+    assert set(smallest["values"]) == {"object.friction", "arm.link_inertia_scale"}
+    assert 1.4 < smallest["values"]["arm.link_inertia_scale"] < 1.43
+    assert 1.48 < smallest["values"]["object.friction"] < 1.5
+    assert smallest["base"] == {"object.friction": 1.86, "arm.link_inertia_scale": 1.0}
+
+
+def test_a_controller_is_flown_only_where_those_before_it_went_as_told(out, summary):
+    counts = [(stage["flown"], stage["went"]) for stage in summary["stages"]]
+    assert counts[0][0] == 40 and all(b[0] == a[1] for a, b in zip(counts, counts[1:], strict=False))
+    with sqlite3.connect(out / study.FILE) as database:
+        count = "SELECT count(*) FROM trials WHERE architecture = ? AND trial NOT LIKE 'recorded%'"
+        flown = [database.execute(count, (name,)).fetchone()[0] for name, _ in study.STAGES]
+    assert flown[0] >= 40 and flown[0] > flown[1] >= flown[2] >= flown[3] >= summary["found"]
+
+
+def test_the_nearest_misses_slid_farthest_under_the_controller_that_should_have_slid_off(summary):
+    passed = [world["passed"] for world in summary["nearest"]]
+    assert passed == sorted(passed, reverse=True)
+    slips = [world["flips"]["pd"]["max_slip_m"] for world in summary["nearest"] if world["passed"] == 0]
+    assert slips == sorted(slips, reverse=True)
+
+
+def test_recordings_of_the_smallest_change_are_made_and_a_second_run_says_the_same(out, summary):
+    assert {file.stem for file in out.glob("*.nc")} == {"pd", "pd+ff", "pd+dob", "pd+ff+dob"}
+    study.run(Scenario(), out, file=str(out / "box.yaml"), jobs=2, work=AS_TOLD)
+    assert json.loads((out / "summary.json").read_text()) == summary
+
+
+def test_tables_say_how_far_the_worlds_came(summary):
+    stages, smallest, nearest = tables(summary)
+    assert stages.title.startswith(f"E1 as the paper tells it in {summary['found']} of 40 worlds")
+    assert [row[0] for row in stages.rows] == ["`pd`", "`pd+ff`", "`pd+dob`", "`pd+ff+dob`"]
+    assert {row[0] for row in smallest.rows} == {"`object.friction`", "`arm.link_inertia_scale`"}
+    assert len(nearest.rows) == 10
+
+
+def test_nothing_found_is_said(tmp_path):
+    (tmp_path / "box.yaml").write_text(BOX.replace("[1.0, 2.0]", "[1.6, 2.0]").replace("trials: 40", "trials: 8"))
+    study.run(Scenario(), tmp_path, file=str(tmp_path / "box.yaml"), jobs=1, work=AS_TOLD)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["found"] == 0 and summary["smallest"] is None and len(summary["nearest"]) == 8
+    assert not list(tmp_path.glob("*.nc")) and not tables(summary)[1].rows
+
+
+def test_no_file_is_one_line():
+    with pytest.raises(InputError, match="inverse needs the FILE of a campaign"):
+        study.run(Scenario(), "nowhere", file=None)
