@@ -25,6 +25,14 @@ except PackageNotFoundError:  # run from a checkout that was never installed
     __version__ = "0+unknown"
 
 
+def cache_folder() -> Path:
+    """Where machine code is kept: FLIPDIAGRAM_CACHE_DIR, else flipdiagram/ in the user's cache folder."""
+    if chosen := os.environ.get("FLIPDIAGRAM_CACHE_DIR"):
+        return Path(chosen)
+    base = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return Path(base) / "flipdiagram"
+
+
 @contextmanager
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """A temporary path to write to, beside `path`; renamed to `path` on success, removed on any failure.

@@ -17,3 +17,13 @@ UR5 = {
     "arm.reflected_inertia": (1.5, 1.5, 1.0, 0.3, 0.3, 0.3),
 }
 """Fields of the scenario; the file as `package_file` takes it."""
+PANDA = {
+    "arm.file": "panda_description/urdf/panda.urdf",
+    "arm.base": "panda_link0",
+    "arm.flange": "panda_link8",
+    "arm.base_pose": (0.0, 0.0, -0.2, 0.0),
+    "arm.mount_angle": 0.75,
+    "task.start_x": 0.55,
+    "arm.reflected_inertia": (0.6, 0.6, 0.5, 0.5, 0.2, 0.2, 0.2),
+}
+"""The same of an arm with seven joints."""

@@ -59,7 +59,7 @@ class Block(LeafSystem):
     numeric_parameter_names: tuple[str, ...] = ()
     """In the order of the Context; `compiled` calls them so."""
     laws: dict[str, tuple[Law, int | None]]
-    """By output port: its law, and which of the law's values it is where one law has several."""
+    """By output port or intermediate: its law, and which of the law's values it is where one law has several."""
     state_name: str | None = None
     next_state: Law | None = None
     _sources: dict[str, tuple[Callable[[ScalarContext], Any], DependencyTicket]]
@@ -140,6 +140,7 @@ class Block(LeafSystem):
 
     def intermediate(self, name: str, law: Law) -> None:
         """Declare a law's value that other laws take by its name; it runs once for all of them."""
+        self.laws[name] = law, None
         self._sources[name] = self._evaluated_once(name, law)
 
     def update(self, law: Law, period: float, offset: float = 0.0) -> None:

@@ -8,6 +8,11 @@ from flipdiagram.arrays import Array
 from flipdiagram.blocks.block import Block, convertible
 
 
+def compensating_torque(fraction: Array, gravity: Array) -> Array:
+    """tau_gravity = fraction * gravity [N m]; shapes (n,)."""
+    return fraction * gravity
+
+
 @convertible()
 class GravityCompensation(Block):
     """Torque that holds a fraction of the arm's gravity: tau_gravity = fraction * gravity_torque(q).
@@ -19,11 +24,8 @@ class GravityCompensation(Block):
 
     def __init__(self, arm: Any, fraction: ArrayLike, num_joints: int = 6) -> None:
         self.arm, self.num_joints = arm, num_joints
-        self._scalar_arm = arm if self.scalar is float else arm.to_scalar(self.scalar)
+        scalar_arm = arm if self.scalar is float else arm.to_scalar(self.scalar)
         self.parameter("fraction", fraction, num_joints)
         self.input("q", num_joints)
-        self.output("tau_gravity", num_joints, self._torque)
-
-    def _torque(self, fraction: Array, q: Array) -> Array:
-        torque: Array = fraction * self._scalar_arm.gravity_torque(q)
-        return torque
+        self.intermediate("gravity", scalar_arm.gravity_torque)
+        self.output("tau_gravity", num_joints, compensating_torque)

@@ -7,8 +7,54 @@ import pydrake.math as scalar_math
 
 from flipdiagram.arrays import Array
 from flipdiagram.blocks._checks import channels, whole
+from flipdiagram.blocks._scalars import over_floats
 from flipdiagram.blocks.block import Block, convertible
 from flipdiagram.errors import SimulationError
+
+
+def eliminated(A: Array, b: Array) -> Array:
+    """x with A x = b of floats, by Gauss with pivots: what machine code has in the place of LAPACK, whose call takes
+    numba ten seconds to compile.  LinAlgError where A is singular.
+    """
+    n, U, x = len(b), A.copy(), b.copy()
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(U[i, k]) > abs(U[pivot, k]):
+                pivot = i
+        if U[pivot, k] == 0.0:
+            raise np.linalg.LinAlgError("singular")
+        for j in range(n):
+            U[k, j], U[pivot, j] = U[pivot, j], U[k, j]
+        x[k], x[pivot] = x[pivot], x[k]
+        for i in range(k + 1, n):
+            factor = U[i, k] / U[k, k]
+            for j in range(k, n):
+                U[i, j] -= factor * U[k, j]
+            x[i] -= factor * x[k]
+    for k in range(n - 1, -1, -1):
+        for j in range(k + 1, n):
+            x[k] -= U[k, j] * x[j]
+        x[k] /= U[k, k]
+    return x
+
+
+@over_floats(eliminated)
+def solution(A: Array, b: Array) -> Array:
+    """x with A x = b, shapes (m, m), (m,).
+
+    Floats raise SimulationError where A is exactly singular; symbolic matrices cannot be inverted beyond 4 x 4
+    (RuntimeError of Drake).
+    """
+    if A.dtype == object:
+        inverse: Array = scalar_math.inv(A)
+        return inverse.dot(b)
+    try:
+        return np.linalg.solve(A, b)
+    except np.linalg.LinAlgError:
+        raise SimulationError(
+            f"the arm is at a singularity: its task Jacobian has rank {np.linalg.matrix_rank(A)}, valid is {len(A)}"
+        ) from None
 
 
 def joint_acceleration(jacobian: Array, bias: Array, a_ref: Array, inner: Array | None = None) -> Array:
@@ -16,29 +62,24 @@ def joint_acceleration(jacobian: Array, bias: Array, a_ref: Array, inner: Array 
 
     `inner` (n,) [rad/s^2], for n > m: the acceleration wanted beside the task's; what of it moves the tool is left
     out, qdd_ref = inner + J^+ (a_ref - Jdot_t qd - J inner).
-    `jacobian` J_t (m, n), `bias` Jdot_t qd (m,), `a_ref` (m,) [m/s^2, rad/s^2].
-    Floats raise SimulationError where J_t is exactly singular; symbolic matrices cannot be inverted
-    beyond 4 x 4 (RuntimeError of Drake).
+    `jacobian` J_t (m, n), `bias` Jdot_t qd (m,), `a_ref` (m,) [m/s^2, rad/s^2]; errors as of `solution`.
     """
     coordinates, joints = jacobian.shape
     demand = a_ref - bias
-    if inner is not None and joints > coordinates:
-        demand = demand - jacobian.dot(inner)
-    square = jacobian if joints == coordinates else jacobian.dot(jacobian.T)
-    if square.dtype == object:
-        solution = scalar_math.inv(square).dot(demand)
-    else:
-        try:
-            solution = np.linalg.solve(square, demand)
-        except np.linalg.LinAlgError:
-            raise SimulationError(
-                f"the arm is at a singularity: its task Jacobian has rank {np.linalg.matrix_rank(jacobian)}, "
-                f"valid is {coordinates}"
-            ) from None
     if joints == coordinates:
-        return solution
-    least = jacobian.T.dot(solution)
+        return solution(jacobian, demand)
+    if inner is not None:
+        demand = demand - jacobian.dot(inner)
+    least = jacobian.T.dot(solution(jacobian.dot(jacobian.T), demand))
     return least if inner is None else inner + least
+
+
+def reference_acceleration(
+    kinematics: tuple[Array, Array, Array, Array], a_ref: Array, qd: Array, inner_damping: float
+) -> Array:
+    """qdd_ref (n,) of `joint_acceleration`, the inner motion damped; kinematics: x, v, J, bias."""
+    _, _, jacobian, bias = kinematics
+    return joint_acceleration(jacobian, bias, a_ref, -inner_damping * qd)
 
 
 @convertible()
@@ -56,13 +97,9 @@ class InverseJacobian(Block):
         self.num_coordinates = num_coordinates
         self.arm, self.num_joints = arm, whole("num_joints", num_joints, num_coordinates)
         self.inner_damping = float(channels("inner_damping", inner_damping, 1)[0])
-        self._scalar_arm = arm if self.scalar is float else arm.to_scalar(self.scalar)
+        scalar_arm = arm if self.scalar is float else arm.to_scalar(self.scalar)
         self.input("a_ref", num_coordinates)
         self.input("q", num_joints)
         self.input("qd", num_joints)
-        self.output("qdd_ref", num_joints, self._acceleration)
-
-    def _acceleration(self, a_ref: Array, q: Array, qd: Array) -> Array:
-        _, _, jacobian, bias = self._scalar_arm.task_kinematics(q, qd)
-        inner = -self.inner_damping * qd if self.num_joints > self.num_coordinates else None
-        return joint_acceleration(jacobian, bias, a_ref, inner)
+        self.intermediate("kinematics", scalar_arm.task_kinematics)
+        self.output("qdd_ref", num_joints, reference_acceleration)

@@ -20,4 +20,4 @@ class ToolKinematics(Block):
         scalar_arm = arm if self.scalar is float else arm.to_scalar(self.scalar)
         self.input("q", num_joints)
         self.input("qd", num_joints)
-        self.outputs(("x", "v"), num_coordinates, lambda q, qd: scalar_arm.task_position_velocity(q, qd))
+        self.outputs(("x", "v"), num_coordinates, scalar_arm.task_position_velocity)

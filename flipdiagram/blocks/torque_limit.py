@@ -1,21 +1,15 @@
 """The saturation of Fig. 4: what the drives can deliver."""
 
-import numpy as np
-import pydrake.math as scalar_math
 from numpy.typing import ArrayLike
 
 from flipdiagram.arrays import Array
+from flipdiagram.blocks._scalars import maximum, minimum
 from flipdiagram.blocks.block import Block, convertible
 
 
 def limited_torque(tau_cmd: Array, tau_max: Array) -> Array:
     """tau = min(max(tau_cmd, -tau_max), tau_max) per channel; shapes (n,), [N m]."""
-    if tau_cmd.dtype != object:
-        return np.minimum(np.maximum(tau_cmd, -tau_max), tau_max)  # half the time of np.clip on small arrays
-    clipped = [
-        scalar_math.min(scalar_math.max(tau, -limit), limit) for tau, limit in zip(tau_cmd, tau_max, strict=True)
-    ]
-    return np.array(clipped, dtype=object)
+    return minimum(maximum(tau_cmd, -tau_max), tau_max)  # half the time of np.clip on small arrays
 
 
 @convertible()

@@ -2,7 +2,6 @@
 
 import ctypes
 import hashlib
-import os
 import platform
 import threading
 from collections.abc import Callable
@@ -16,7 +15,7 @@ import llvmlite.binding as llvm  # type: ignore[import-untyped]
 from flipdiagram.compiled.printer import ARGUMENTS
 from flipdiagram.compiled.vectors import INTEGER
 from flipdiagram.errors import InputError
-from flipdiagram.files import write_atomically
+from flipdiagram.files import cache_folder, write_atomically
 
 Kernel = Callable[..., None]
 """The function of ``kernel_source``, from addresses and integers; it leaves Python's lock to others."""
@@ -25,14 +24,6 @@ _KEPT = 400  # files of the cache folder
 _DIGEST = hashlib.sha256().digest_size
 _loaded: dict[str, Kernel] = {}
 _lock = threading.Lock()
-
-
-def cache_folder() -> Path:
-    """Where machine code is kept: FLIPDIAGRAM_CACHE_DIR, else flipdiagram/ in the user's cache folder."""
-    if chosen := os.environ.get("FLIPDIAGRAM_CACHE_DIR"):
-        return Path(chosen)
-    base = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    return Path(base) / "flipdiagram"
 
 
 def load_kernel(source: str) -> tuple[Kernel, bool]:

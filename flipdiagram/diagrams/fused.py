@@ -1,8 +1,9 @@
 """A diagram of Blocks as one box: the same laws, called one after another without Drake's ports between them."""
 
 import inspect
+import operator
 from collections.abc import Callable
-from operator import itemgetter
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,8 +11,9 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context, Diagram, LeafSystem, System, ValueProducer
 from pydrake.systems.primitives import Adder, Gain
 
-from flipdiagram.arrays import Array, Floats
+from flipdiagram.arrays import Floats
 from flipdiagram.blocks.block import Law
+from flipdiagram.diagrams.machine_code import machine_code
 
 
 class NotFusible(Exception):
@@ -21,7 +23,8 @@ class NotFusible(Exception):
 class Step(NamedTuple):
     """One law: where in the list of values its arguments stand, and where its value goes."""
 
-    law: Callable[..., Any]
+    law: Callable[..., Any] | int
+    """Or which one to take of an argument that is several."""
     arguments: tuple[int, ...]
     result: int
 
@@ -31,8 +34,9 @@ class Program:
 
     Values stand in one list: inputs, states in the order of `boxes`, then parameters and results.
 
-    Attributes: steps; values, the list with what is constant filled in; boxes, those with a state; outputs and
-    following, where the values of the output ports and the next states of the boxes stand.
+    Attributes: steps; values, the list with what is constant filled in; boxes, those with a state; given, the parts of
+    one vector that inputs and states are; results, where the values of the output ports and then the next states of
+    the boxes stand.
     """
 
     def __init__(self, diagram: Diagram) -> None:
@@ -49,29 +53,32 @@ class Program:
         self.boxes = [box for box in diagram.GetSystems() if self.context_of(box).num_total_states()]
         for box in self.boxes:
             self._places["state", box.get_name()] = self._place(None)
+        states = [self.context_of(box).num_total_states() for box in self.boxes]
+        self.given = slices([port.size() for port in inputs] + states)
         outputs = [diagram.get_output_port(i).get_index() for i in range(diagram.num_output_ports())]
-        self.outputs = [self._output(box, int(k)) for box, k in map(diagram.get_output_port_locator, outputs)]
-        self.following = [self._next_state(box) for box in self.boxes]
+        self.results = [self._output(box, int(k)) for box, k in map(diagram.get_output_port_locator, outputs)]
+        self.results += [self._next_state(box) for box in self.boxes]
 
     def context_of(self, box: System) -> Context:
         """The default Context of a box."""
         return box.GetMyContextFromRoot(self._context)
 
-    def run(self, inputs: list[Floats], states: list[Floats]) -> list[Any]:
-        """All values."""
+    def run(self, given: Floats) -> Floats:
+        """The results of inputs and states, one after another as they are."""
         values = self.values.copy()
-        values[: len(inputs) + len(states)] = inputs + states
+        values[: len(self.given)] = [given[part] for part in self.given]
         for law, arguments, result in self.steps:
-            values[result] = law(*[values[k] for k in arguments])
-        return values
+            terms = [values[k] for k in arguments]
+            values[result] = terms[0][law] if isinstance(law, int) else law(*terms)
+        return np.concatenate([values[k] for k in self.results])
 
     def _place(self, value: Any) -> int:
         self.values.append(value)
         return len(self.values) - 1
 
-    def _step(self, law: Callable[..., Any], arguments: list[int]) -> int:
+    def _step(self, law: Callable[..., Any] | int, *arguments: int) -> int:
         place = self._place(None)
-        self.steps.append(Step(law, tuple(arguments), place))
+        self.steps.append(Step(law, arguments, place))
         return place
 
     def _output(self, system: Any, index: int) -> int:
@@ -80,13 +87,15 @@ class Program:
         if key in self._places:
             return self._places[key]
         if isinstance(system, Adder):
-            place = self._step(_sum, [self._input(system, i) for i in range(system.num_input_ports())])
+            place = self._input(system, 0)
+            for i in range(1, system.num_input_ports()):
+                place = self._step(operator.add, place, self._input(system, i))
         elif isinstance(system, Gain):
-            place = self._step(np.multiply, [self._place(_gain(system)), self._input(system, 0)])
+            place = self._step(operator.mul, self._place(_gain(system)), self._input(system, 0))
         elif laws := getattr(system, "laws", None):
             law, which = laws[system.get_output_port(index).get_name()]
             place = self._law(system, law)
-            place = place if which is None else self._step(itemgetter(which), [place])
+            place = place if which is None else self._step(which, place)
         else:
             raise NotFusible(system.get_name())
         self._places[key] = place
@@ -104,7 +113,7 @@ class Program:
         key = "law", box.get_name(), law
         if key not in self._places:
             self._places[key] = self._step(
-                law, [self._argument(box, name) for name in inspect.signature(law).parameters]
+                law, *[self._argument(box, name) for name in inspect.signature(law).parameters]
             )
         return self._places[key]
 
@@ -115,6 +124,8 @@ class Program:
             return self._places["state", box.get_name()]
         if name == "t":
             raise NotFusible(box.get_name())
+        if name in box.laws:
+            return self._law(box, box.laws[name][0])
         if name in box.numeric_parameter_names:
             return self._place(box.value_in(self.context_of(box), name))
         return self._place(getattr(box, name))
@@ -128,53 +139,60 @@ class Program:
 class Fused(LeafSystem):
     """What a diagram of Blocks computes: its input and output ports by name, its states, its sample time.
 
-    Equal to the diagram to the bit.  Parameters are those of its default Context; all outputs are computed at once, so
+    Equal to the diagram to the bit; with `native`, and where its laws can be compiled, to rounding (see
+    `machine_code`).  Parameters are those of its default Context; all outputs are computed at once, so
     each depends on every input.  Raises NotFusible where a system is neither a Block with laws of vectors nor an Adder
     or Gain of Drake's, and where sample times differ.
     """
 
-    def __init__(self, diagram: Diagram) -> None:
+    def __init__(self, diagram: Diagram, native: bool = False) -> None:
         super().__init__()
         program = self._program = Program(diagram)
+        compiled = machine_code(program) if native else None
+        self.is_native, self._compute = compiled is not None, compiled or program.run
         for i in range(diagram.num_input_ports()):
             port = diagram.get_input_port(i)
             self.DeclareVectorInputPort(port.get_name(), port.size())
-        self._inputs = [self.get_input_port(i) for i in range(self.num_input_ports())]
+        self._inputs = [self.get_input_port(i).Eval for i in range(self.num_input_ports())]
         states = [program.context_of(box).get_discrete_state_vector().CopyToVector() for box in program.boxes]
-        self._splits = [
-            slice(end - len(w), end) for w, end in zip(states, np.cumsum([len(w) for w in states]), strict=True)
-        ]
         producer = ValueProducer(lambda: Value[object](), lambda context, value: value.set_value(self._run(context)))
-        self._all = self.DeclareCacheEntry("values", producer, {self.all_input_ports_ticket(), self.xd_ticket()})
+        everything = self.DeclareCacheEntry("values", producer, {self.all_input_ports_ticket(), self.xd_ticket()})
+        self._values = everything.Eval
+        ports = [diagram.get_output_port(i) for i in range(diagram.num_output_ports())]
+        parts = slices([port.size() for port in ports])
+        self._following = slice(parts[-1].stop if parts else 0, None)
+        self._has_state = bool(states)
         if states:
             timing = {(box.period, box.offset) for box in program.boxes}
             if len(timing) > 1:
                 raise NotFusible(", ".join(box.get_name() for box in program.boxes))
             self.DeclareDiscreteState(np.concatenate(states))
             self.DeclarePeriodicDiscreteUpdateEvent(*timing.pop(), self._update)
-        for i, place in enumerate(program.outputs):
-            port = diagram.get_output_port(i)
+        for port, part in zip(ports, parts, strict=True):
             self.DeclareVectorOutputPort(
                 port.get_name(),
                 port.size(),
-                lambda context, output, place=place: output.set_value(self._all.Eval(context)[place]),
-                {self._all.ticket()},
+                lambda context, output, part=part: output.set_value(self._values(context)[part]),
+                {everything.ticket()},
             )
 
-    def _run(self, context: Context) -> list[Any]:
-        state = context.get_discrete_state_vector().CopyToVector() if self._splits else ()
-        return self._program.run([port.Eval(context) for port in self._inputs], [state[k] for k in self._splits])
+    def _run(self, context: Context) -> Floats:
+        given = [read(context) for read in self._inputs]
+        if self._has_state:
+            given.append(context.get_discrete_state_vector().value())
+        vector = np.concatenate(given)
+        try:
+            return self._compute(vector)
+        except np.linalg.LinAlgError:  # of machine code; the law itself says what it means
+            return self._program.run(vector)
 
     def _update(self, context: Context, state: Any) -> None:
-        values = self._all.Eval(context)
-        state.set_value(np.concatenate([values[k] for k in self._program.following]))
+        state.set_value(self._values(context)[self._following])
 
 
-def _sum(*terms: Array) -> Array:
-    total = terms[0]
-    for term in terms[1:]:
-        total = total + term
-    return total
+def slices(sizes: list[int]) -> list[slice]:
+    """The parts of a vector that consists of vectors of these sizes."""
+    return [slice(a, b) for a, b in pairwise([0, *np.cumsum(sizes, dtype=int).tolist()])]
 
 
 def _gain(system: Gain) -> Floats:

@@ -44,7 +44,7 @@ def add_native_controller(
     for signal in ("tau", "tau_cmd", "tau_dis", "x", "v"):
         if (port := boxes.output(signal)) is not None:
             figure.ExportOutput(port, signal)
-    box = builder.AddNamedSystem("controller", Fused(figure.Build()))
+    box = builder.AddNamedSystem("controller", Fused(figure.Build(), native=True))
     for name, source in inputs.items():
         builder.Connect(source, box.GetInputPort(name))
     return NativeController(box)

@@ -100,6 +100,17 @@ class ArmModel:
         V_WC = self._control_point.CalcSpatialVelocityInWorld(self._context).get_coeffs()
         return x, task_space.product(task_space.rate_map(R), V_WC)
 
+    def tool_motion(self, q: Array, qd: Array) -> tuple[Array, Array, Array]:
+        """x, v (K, 6) [m, rad; per second] and poses of the tool frame T (K, 7), quaternion (w first) and position [m],
+        of joint angles and speeds (K, n).
+        """
+        x, v, tool = np.empty((len(q), 6)), np.empty((len(q), 6)), np.empty((len(q), 7))
+        for k in range(len(q)):
+            x[k], v[k] = self.task_position_velocity(q[k], qd[k])
+            X_WT = self._tool.CalcPoseInWorld(self._context)
+            tool[k] = [*X_WT.rotation().ToQuaternion().wxyz(), *X_WT.translation()]
+        return x, v, tool
+
     def task_kinematics(self, q: ArrayLike, qd: ArrayLike) -> tuple[Array, Array, Array, Array]:
         """x (6,), v (6,), J (6, n), bias (6,) with v = J qd, a = J qdd + bias; q, qd (n,) [rad, rad/s].
 

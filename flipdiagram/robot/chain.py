@@ -12,8 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flipdiagram.arrays import Floats
+from flipdiagram.errors import PlanningError
 from flipdiagram.robot.jit import jit
 from flipdiagram.robot.serial_chain import SerialChain
+from flipdiagram.robot.task_space import UPRIGHT
 
 TURN = 2 * math.pi
 COS_PITCH_MIN = 1e-6
@@ -123,6 +125,14 @@ def jacobian(links: Links, k: int, J: Any) -> bool:
         J[1, i] = w[i, 0] * y - w[i, 1] * x
         J[2, i], J[4, i], J[5, i] = rates(end, w[i, 1], w[i, 0], w[i, 2])
     return True
+
+
+@jit
+def coordinates(end: Any, x: Any) -> None:
+    """Fill x (6,), the task coordinates of a pose, as of task_space."""
+    theta = math.atan2(end[2, 1], end[2, 2])
+    x[0], x[1], x[2], x[3] = end[3, 1], end[3, 2], theta if theta > -TURN / 4 else theta + TURN, end[3, 0]
+    x[4], x[5] = math.atan2(-end[2, 0], math.hypot(end[0, 0], end[1, 0])), math.atan2(end[1, 0], end[0, 0])
 
 
 @jit
@@ -285,16 +295,44 @@ def speeds(chain: SerialChain, q: Any, v: Any, qd: Any) -> bool:
 
 
 @jit
-def task_kinematics(chain: SerialChain, q: Any, qd: Any) -> tuple[Floats, Floats, Floats, Floats, bool]:
-    """x, v (6,), J (6, n), J' q̇ (6,) at joint angles and speeds (n,), as of ArmModel; False where pitch is ±90°."""
+def tool_along(chain: SerialChain, q: Any, qd: Any) -> tuple[Floats, Floats, Floats]:
+    """x, v (K, 6) at joint angles and speeds (K, n), and `end` of `Links` (K, 4, 3); PlanningError at pitch ±90°."""
+    count, n = q.shape
+    links, J, x, v, end = (
+        empty_links(1, n),
+        np.empty((6, n)),
+        np.empty((count, 6)),
+        np.zeros((count, 6)),
+        np.empty((count, 4, 3)),
+    )
+    for k in range(count):
+        place(chain, q[k], links, 0, False)
+        coordinates(links.end[0], x[k])
+        if not jacobian(links, 0, J):
+            raise PlanningError(UPRIGHT)
+        for i in range(n):
+            for r in range(6):
+                v[k, r] += J[r, i] * qd[k, i]
+        end[k] = links.end[0]
+    return x, v, end
+
+
+@jit
+def task_position_velocity(chain: SerialChain, q: Any, qd: Any) -> tuple[Floats, Floats]:
+    """x, v (6,) at joint angles and speeds (n,), as of ArmModel."""
+    x, v, _ = tool_along(chain, q.reshape((1, q.size)), qd.reshape((1, q.size)))
+    return x[0], v[0]
+
+
+@jit
+def task_kinematics(chain: SerialChain, q: Any, qd: Any) -> tuple[Floats, Floats, Floats, Floats]:
+    """x, v (6,), J (6, n), J' q̇ (6,) at joint angles and speeds (n,), as of ArmModel."""
     links, x, v, J, bias = empty_links(1, q.size), np.empty(6), np.zeros(6), np.empty((6, q.size)), np.empty(6)
     place(chain, q, links, 0, False)
-    end = links.end[0]
-    theta = math.atan2(end[2, 1], end[2, 2])
-    x[0], x[1], x[2], x[3] = end[3, 1], end[3, 2], theta if theta > -TURN / 4 else theta + TURN, end[3, 0]
-    x[4], x[5] = math.atan2(-end[2, 0], math.hypot(end[0, 0], end[1, 0])), math.atan2(end[1, 0], end[0, 0])
-    regular = jacobian(links, 0, J)
+    coordinates(links.end[0], x)
+    if not jacobian(links, 0, J):
+        raise PlanningError(UPRIGHT)
     for i in range(q.size):
         v += J[:, i] * qd[i]
-    bias_acceleration(qd, links.axes[0], links.points[0], end, bias)
-    return x, v, J, bias, regular
+    bias_acceleration(qd, links.axes[0], links.points[0], links.end[0], bias)
+    return x, v, J, bias

@@ -1,41 +1,58 @@
 """The arm's kinematics by compiled loops, for what asks for them every millisecond."""
 
-import numpy as np
-from numpy.typing import ArrayLike
+from functools import partial
+from typing import Any
 
-from flipdiagram.arrays import Array
-from flipdiagram.errors import PlanningError
+import numpy as np
+
+from flipdiagram.arrays import Array, Floats
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.serial_chain import SerialChain, serial_chain
-from flipdiagram.robot.task_space import UPRIGHT
 
 
 class NativeArm(ArmModel):
-    """An ArmModel whose task kinematics are machine code, equal to rounding; plant and Context are those of `arm`.
+    """An ArmModel whose kinematics are machine code, equal to rounding; plant and Context are those of `arm`.
 
-    Asked again for the same q and qd, the same unchanged arrays, it answers from before.
+    In the place of `task_kinematics` and `task_position_velocity` stand the compiled functions themselves, with the
+    chain as their first argument: so they can become part of larger machine code.
     """
 
     def __init__(self, arm: ArmModel, chain: SerialChain) -> None:
-        vars(self).update(vars(arm))
-        from flipdiagram.robot.chain import task_kinematics  # imports numba
+        from flipdiagram.robot import chain as kinematics  # imports numba
 
-        self._chain, self._compute = chain, task_kinematics
-        self._asked: tuple[ArrayLike | None, ArrayLike | None] = (None, None)
-        self.task_kinematics(self.home, np.zeros(self.n_joints))  # compiled now, not in the middle of a motion
+        vars(self).update(
+            vars(arm),
+            task_kinematics=partial(kinematics.task_kinematics, chain),
+            task_position_velocity=partial(kinematics.task_position_velocity, chain),
+        )
+        self._arm, self._tool_along = arm, partial(kinematics.tool_along, chain)
 
-    def task_position_velocity(self, q: ArrayLike, qd: ArrayLike) -> tuple[Array, Array]:
+    def to_scalar(self, scalar: Any) -> ArmModel:
+        """As of the arm itself: machine code knows floats only."""
+        return self._arm.to_scalar(scalar)
+
+    def tool_motion(self, q: Array, qd: Array) -> tuple[Array, Array, Array]:
         """As of ArmModel."""
-        return self.task_kinematics(q, qd)[:2]
+        x, v, end = self._tool_along(np.ascontiguousarray(q), np.ascontiguousarray(qd))
+        R, X_CT = end[:, :3], self.handles.control_point.CalcPose(self._context, self._tool).inverse()
+        position = end[:, 3] + R @ X_CT.translation()
+        return x, v, np.hstack([quaternions(R @ X_CT.rotation().matrix()), position])
 
-    def task_kinematics(self, q: ArrayLike, qd: ArrayLike) -> tuple[Array, Array, Array, Array]:
-        """As of ArmModel; raises PlanningError where pitch is ±90 deg."""
-        if self._asked[0] is not q or self._asked[1] is not qd:
-            x, v, J, bias, regular = self._compute(self._chain, q, qd)
-            if not regular:
-                raise PlanningError(UPRIGHT)
-            self._asked, self._answer = (q, qd), (x, v, J, bias)
-        return self._answer
+
+def quaternions(R: Floats) -> Floats:
+    """Quaternions (K, 4), w first and not negative, of rotation matrices (K, 3, 3)."""
+    diagonal = np.einsum("kii->ki", R)
+    # 4 q q', of which each row is a multiple of q: the one with the largest diagonal is the most exact
+    products = np.empty((len(R), 4, 4))
+    products[:, 0, 0] = 1 + diagonal.sum(axis=1)
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        products[:, i + 1, i + 1] = 1 + diagonal[:, i] - diagonal[:, j] - diagonal[:, k]
+        products[:, 0, i + 1] = products[:, i + 1, 0] = R[:, k, j] - R[:, j, k]
+        products[:, j + 1, i + 1] = products[:, i + 1, j + 1] = R[:, j, i] + R[:, i, j]
+    best = np.argmax(np.einsum("kii->ki", products), axis=1)
+    rows = products[np.arange(len(R)), best]
+    return rows / (np.linalg.norm(rows, axis=1) * np.where(rows[:, 0] < 0, -1.0, 1.0))[:, None]
 
 
 def native_arm(arm: ArmModel) -> ArmModel:

@@ -73,12 +73,8 @@ def assemble(
         plan: the motion that was followed in the end.
     """
     samples = len(time)
-    x, v, tool = np.empty((samples, 3)), np.empty((samples, 3)), np.empty((samples, 7))
-    for k, (q, qd) in enumerate(zip(signals["q"].T, signals["qd"].T, strict=True)):
-        six_x, six_v = arm.task_position_velocity(q, qd)
-        x[k], v[k] = six_x[:3], six_v[:3]
-        X_WT = arm.X_WT(q)
-        tool[k] = [*X_WT.rotation().ToQuaternion().wxyz(), *X_WT.translation()]
+    x, v, tool = arm.tool_motion(signals["q"].T, signals["qd"].T)
+    x, v = x[:, :3], v[:, :3]
     a = np.diff(v, axis=0, append=v[-1:]) / scenario.controller.period
     values = {name: signals[name][:3].T for name in ("x_cmd", "v_cmd", "a_cmd")} | {"x": x, "v": v, "a": a}
     values |= {"x_meas": x, "v_meas": v, "a_meas": a}

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
 
-from flipdiagram.blocks.inverse_jacobian import InverseJacobian, joint_acceleration
+from flipdiagram.blocks.inverse_jacobian import InverseJacobian, eliminated, joint_acceleration
 from flipdiagram.blocks.tool_kinematics import ToolKinematics
 from flipdiagram.errors import InputError, SimulationError
 
@@ -129,3 +129,13 @@ def test_autodiff_gradients_match_differences(context_of: Any, joints: int) -> N
 def test_an_arm_without_symbolic_form_says_so() -> None:
     with pytest.raises(TypeError, match="no arm over Expression"):
         InverseJacobian(PlanarArm(3, 3), 3, 3).ToSymbolic()
+
+
+def test_elimination_solves_as_lapack_does() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        A, b = rng.normal(size=(6, 6)), rng.normal(size=6)
+        A[0, 0] = 0.0  # no pivot
+        assert eliminated(A, b) == pytest.approx(np.linalg.solve(A, b), rel=1e-13 * np.linalg.cond(A), abs=1e-12)
+    with pytest.raises(np.linalg.LinAlgError):
+        eliminated(np.array([[1.0, 2.0], [2.0, 4.0]]), np.ones(2))

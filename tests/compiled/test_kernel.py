@@ -14,6 +14,7 @@ from sampled_diagrams import PERIOD, expressions_block, saturated_loop, single
 
 from flipdiagram.compiled import compile_diagram, diagram, kernel
 from flipdiagram.compiled.vectors import LANES
+from flipdiagram.files import cache_folder
 
 FRESH = """
 import sys
@@ -89,7 +90,7 @@ def test_the_folder_stays_small(folder, monkeypatch):
 def test_the_default_folder_is_the_users(monkeypatch):
     monkeypatch.delenv("FLIPDIAGRAM_CACHE_DIR")
     monkeypatch.setenv("XDG_CACHE_HOME", "/somewhere")
-    assert kernel.cache_folder() == Path("/somewhere/flipdiagram")
+    assert cache_folder() == Path("/somewhere/flipdiagram")
 
 
 def test_subexpressions_of_different_blocks_are_computed_once_and_constants_before_the_loop():

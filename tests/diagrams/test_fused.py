@@ -1,9 +1,13 @@
 """A diagram of Blocks as one box: equal to it tick by tick, and refused where a law is not known."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from robots import PANDA, package_file
 from shared import default_flip, default_plan
 
 from flipdiagram.blocks.commands import SinusoidalCommand
@@ -12,6 +16,7 @@ from flipdiagram.blocks.pd import ProportionalDerivative
 from flipdiagram.diagrams.controller import build_controller
 from flipdiagram.diagrams.fused import Fused, NotFusible
 from flipdiagram.diagrams.loop import build_loop
+from flipdiagram.errors import SimulationError
 from flipdiagram.robot.native_arm import native_arm
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
@@ -61,21 +66,87 @@ def test_it_has_the_bits_of_the_diagram(architecture, fields):
     assert np.ptp(torques[0], axis=0).min() > 0.01
 
 
-@pytest.mark.parametrize("architecture", ["pd+ff", "pd+ff+dob"])
-def test_the_native_controller_sends_the_torques_of_the_boxes_over_a_flip(architecture):
-    """Along one recording: in the loop contact would amplify the rounding."""
-    flip, arm = default_flip().recording, arm_of(Scenario())
-    hold = np.array([0.5, 0.0, 0.0])
-    ticks = []
+def flip_ticks():
+    """What the controller sees in the default flip."""
+    flip, hold, ticks = default_flip().recording, np.array([0.5, 0.0, 0.0]), []
     for k in range(flip.sizes["time"]):
         commands = {
             name: np.append(flip[name].values[k], hold if name == "x_cmd" else np.zeros(3)) for name in SIGNALS[:3]
         }
         ticks.append(commands | {name: flip[name].values[k] for name in ("q", "qd")})
+    return ticks
+
+
+@pytest.mark.parametrize("architecture", ARCHITECTURES)
+def test_the_native_controller_sends_the_torques_of_the_boxes_over_a_flip(architecture):
+    """Along one recording: in the loop contact would amplify the rounding."""
+    arm, ticks = arm_of(Scenario()), flip_ticks()
     boxes = sent(controller(architecture, arm), ticks)
-    native = sent(Fused(controller(architecture, native_arm(arm))), ticks)
+    box = Fused(controller(architecture, native_arm(arm)), native=True)
+    assert box.is_native
+    native = sent(box, ticks)
     np.testing.assert_allclose(native, boxes, atol=1e-12 * np.abs(boxes).max())
-    assert np.abs(boxes).max() > 20.0
+    assert np.abs(boxes).max() > 10.0
+
+
+@pytest.mark.parametrize("architecture", ["pd", "pd+ff+dob"])
+def test_so_does_that_of_an_arm_of_seven_joints(architecture):
+    scenario = Scenario().with_overrides(PANDA | {"arm.file": package_file(PANDA["arm.file"])})
+    arm = arm_of(scenario)
+    ticks = random_ticks(arm, 400)
+    boxes, native = (
+        sent(box, ticks)
+        for box in (
+            build_controller(scenario, architecture, arm),
+            Fused(build_controller(scenario, architecture, native_arm(arm)), native=True),
+        )
+    )
+    np.testing.assert_allclose(native, boxes, atol=1e-12 * np.abs(boxes).max())
+    assert np.ptp(boxes, axis=0).min() > 0.01
+
+
+def test_laws_that_cannot_be_compiled_are_called_as_they_are():
+    """The kinematics of Drake's own arm, and its gravity."""
+    arm = arm_of(Scenario())
+    for one, fields in ((arm, {}), (native_arm(arm), {"controller.gravity_compensation": 0.7})):
+        box = Fused(controller("pd+dob", one, **fields), native=True)
+        assert not box.is_native
+        expected = sent(controller("pd+dob", one, **fields), random_ticks(arm, 5))
+        np.testing.assert_array_equal(sent(box, random_ticks(arm, 5)), expected)
+
+
+def test_at_a_singular_pose_it_says_what_the_boxes_say():
+    arm = arm_of(Scenario())
+    tick = {name: 0.0 * value for name, value in random_ticks(arm, 1)[0].items()}
+    messages = []
+    for box in (controller("pd", arm), Fused(controller("pd", native_arm(arm)), native=True)):
+        with pytest.raises(SimulationError) as error:
+            sent(box, [tick])
+        messages.append(str(error.value))
+    assert messages[0] == messages[1]
+
+
+FRESH = """
+import numpy as np
+from flipdiagram.diagrams.fused import Fused
+from flipdiagram.diagrams.controller import build_controller
+from flipdiagram.errors import SimulationError
+from flipdiagram.robot.native_arm import native_arm
+from flipdiagram.robot.parts import arm_of
+from flipdiagram.scenario.scenario import Scenario
+from numba.core import event
+with event.install_recorder("numba:compile") as compiled:
+    assert Fused(build_controller(Scenario(), "pd", native_arm(arm_of(Scenario()))), native=True).is_native
+print(len(compiled.buffer))
+"""
+
+
+def test_a_fresh_process_finds_the_machine_code():
+    counts = [
+        int(subprocess.run([sys.executable, "-c", FRESH], capture_output=True, text=True, check=True).stdout)
+        for _ in range(2)
+    ]
+    assert counts[1] == 0
 
 
 def test_runs_use_it_unless_a_box_is_the_users_own():

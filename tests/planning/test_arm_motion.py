@@ -56,6 +56,13 @@ def test_task_kinematics_as_machine_code_are_those_of_drake(any_arm):
             np.testing.assert_allclose(ours, theirs, atol=1e-12 * (1 + np.abs(theirs).max()))
 
 
+def test_a_motion_of_the_tool_is_that_of_drake(any_arm):
+    native, rng = native_arm(any_arm), np.random.default_rng(2)
+    q = any_arm.home + rng.uniform(-2.0, 2.0, (60, any_arm.n_joints))
+    for ours, theirs in zip(native.tool_motion(q, 0.3 * q), any_arm.tool_motion(q, 0.3 * q), strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=1e-12 * (1 + np.abs(theirs).max()))
+
+
 def test_kinematics_and_dynamics_are_those_of_drake(any_arm):
     rng, n = np.random.default_rng(0), any_arm.n_joints
     q = any_arm.home + rng.uniform(-0.5, 0.5, (40, n))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from robots import UR5, package_file
+from robots import PANDA, UR5, package_file
 from shared import default_plan
 
 from flipdiagram.blocks.inverse_jacobian import joint_acceleration
@@ -141,17 +141,6 @@ def test_given_rotor_inertia_stands_on_the_diagonal_of_the_mass_matrix(tmp_path)
     rotors = np.array([1.0, 0.9, 0.5, 0.2, 0.1, 0.05])
     bare, geared = arm_of(tmp_path, "arm.urdf"), arm_of(tmp_path, "arm.urdf", reflected_inertia=tuple(rotors))
     np.testing.assert_allclose(geared.mass_matrix(HOME) - bare.mass_matrix(HOME), np.diag(rotors), atol=1e-12)
-
-
-PANDA = {
-    "arm.file": "panda_description/urdf/panda.urdf",
-    "arm.base": "panda_link0",
-    "arm.flange": "panda_link8",
-    "arm.base_pose": (0.0, 0.0, -0.2, 0.0),
-    "arm.mount_angle": 0.75,
-    "task.start_x": 0.55,
-    "arm.reflected_inertia": (0.6, 0.6, 0.5, 0.5, 0.2, 0.2, 0.2),
-}
 
 
 @pytest.mark.parametrize(("fields", "joints"), [(UR5, 6), (PANDA, 7)], ids=["UR5", "Panda"])
