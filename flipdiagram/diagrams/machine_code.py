@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from contextlib import suppress
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 
 SIGNS = {operator.add: " + ", operator.mul: " * "}
+_loaded: dict[Path, Any] = {}
 
 
 class NotPrintable(Exception):
@@ -96,38 +97,41 @@ class Printer:
 
     def _law(self, law: Callable[..., Any]) -> str:
         if id(law) not in self._known:
-            function = native(law, self.files)
+            function, files = native(law)
+            self.files |= files
             name = self._known[id(law)] = f"{law.__name__}_{len(self.names)}"
             self.names[name] = function
         return self._known[id(law)]
 
 
-def native(law: Any, files: set[str]) -> Any:
-    """The function and those that it calls, to be compiled or found compiled; adds the files where they stand."""
+@cache
+def native(law: Any) -> tuple[Any, frozenset[str]]:
+    """The function and those that it calls, to be compiled or found compiled, and the files where they stand."""
     law = OVER_FLOATS.get(law, law)
     if isinstance(law, np.ufunc):
-        return law
+        return law, frozenset()
     if hasattr(law, "py_func"):  # is compiled already
-        files.add(law.py_func.__code__.co_filename)
-        return law
+        return law, frozenset([law.py_func.__code__.co_filename])
     if not isinstance(law, FunctionType) or law.__closure__:
         raise NotPrintable(repr(law))
-    mine = {law.__code__.co_filename}
     theirs = {name: law.__globals__[name] for name in law.__code__.co_names if name in law.__globals__}
-    called = {name: native(value, mine) for name, value in theirs.items() if isinstance(value, FunctionType)}
-    files |= mine
-    return kept(law, {**law.__globals__, **called}, law.__qualname__, mine)
+    called = {name: native(value) for name, value in theirs.items() if isinstance(value, FunctionType)}
+    files = frozenset([law.__code__.co_filename]).union(*[files for _, files in called.values()])
+    names = {**law.__globals__, **{name: function for name, (function, _) in called.items()}}
+    return kept(law, names, law.__qualname__, files), files
 
 
-def kept(function: FunctionType, names: dict[str, Any], text: str, files: set[str]) -> Any:
+def kept(function: FunctionType, names: dict[str, Any], text: str, files: Set[str]) -> Any:
     """The function to be compiled, among these names, or found compiled as long as text and files say the same."""
     sources = [text.encode(), *(Path(file).read_bytes() for file in sorted(files))]
     path = cache_folder() / f"{hashlib.sha256(b'|'.join(sources)).hexdigest()[:32]}.py"
-    with suppress(OSError, InputError):
-        if not path.exists():  # a new file of the same text would be a new one to numba
-            write_atomically(path, text)
-    code = function.__code__.replace(co_filename=str(path))
-    return jit(FunctionType(code, names, function.__name__, function.__defaults__))
+    if path not in _loaded:
+        with suppress(OSError, InputError):
+            if not path.exists():  # a new file of the same text would be a new one to numba
+                write_atomically(path, text)
+        code = function.__code__.replace(co_filename=str(path))
+        _loaded[path] = jit(FunctionType(code, names, function.__name__, function.__defaults__))
+    return _loaded[path]
 
 
 def machine_code(program: Program) -> Callable[[Floats], Floats] | None:
