@@ -9,16 +9,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from bench.timing import timed
-from flipdiagram.diagrams.loop import Loop
+from flipdiagram.diagrams.loop import ENGINES, Loop
 from flipdiagram.planning import Plan
-from flipdiagram.plants.cell import add_cell
+from flipdiagram.plants.handle import Cell
 from flipdiagram.simulation.simulate import Run
 
 PROCESSOR = time.thread_time
@@ -30,11 +29,11 @@ class Stepped:
     """A built diagram that is run again and again from the same start."""
 
     diagram: Diagram
-    plant: MultibodyPlant
+    cell: Cell
     start: Callable[[], Context]
     """Makes the context in which a run begins."""
     final_state: NDArray[Any] = field(default_factory=lambda: np.zeros(0))
-    """Positions and velocities of the plant at the end of the last run."""
+    """Angles and speeds of the arm, pose and velocity of the block at the end of the last run."""
 
     def advance(self, end: float) -> float:
         """Simulate until `end` [s]; processor time of the stepping alone [s]."""
@@ -42,13 +41,14 @@ class Stepped:
         simulator = Simulator(self.diagram, context)
         simulator.Initialize()
         elapsed, _ = timed(lambda: simulator.AdvanceTo(end), PROCESSOR)
-        self.final_state = self.plant.GetPositionsAndVelocities(self.plant.GetMyContextFromRoot(context))
+        ports = self.cell.q, self.cell.qd, self.cell.block
+        self.final_state = np.concatenate([p.Eval(p.get_system().GetMyContextFromRoot(context)) for p in ports])
         return elapsed
 
 
 def closed_loop(loop: Loop, plan: Plan) -> Stepped:
     """The loop itself."""
-    return Stepped(loop.diagram, loop.cell.plant, lambda: loop.context(plan))
+    return Stepped(loop.diagram, loop.cell, lambda: loop.context(plan))
 
 
 def torques_alone(loop: Loop, run: Run) -> Stepped:
@@ -60,15 +60,13 @@ def torques_alone(loop: Loop, run: Run) -> Stepped:
     held = PiecewisePolynomial.ZeroOrderHold(breaks, np.hstack([tau, tau[:, -1:]]))
     builder = DiagramBuilder()
     source = builder.AddNamedSystem("torques", TrajectorySource(held))
-    cell = add_cell(builder, loop.scenario, loop.arm)
+    cell = ENGINES[loop.scenario.simulation.engine](builder, loop.scenario, loop.arm, loop.q_start)
     builder.Connect(source.get_output_port(), cell.tau)
     diagram = builder.Build()
 
     def start() -> Context:
-        theirs = loop.context()
-        state = loop.cell.plant.GetPositionsAndVelocities(loop.cell.plant.GetMyContextFromRoot(theirs))
         context = diagram.CreateDefaultContext()
-        cell.plant.SetPositionsAndVelocities(cell.plant.GetMyMutableContextFromRoot(context), state)
+        cell.stand(context, loop.equilibrium.q)
         return context
 
-    return Stepped(diagram, cell.plant, start)
+    return Stepped(diagram, cell, start)

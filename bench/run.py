@@ -72,7 +72,7 @@ def _replan(repetitions: int, quick: bool) -> Iterator[Section]:
 
 
 def _simulation(repetitions: int, quick: bool) -> Iterator[Section]:
-    from bench import boxes, loop
+    from bench import boxes, engines, loop
     from flipdiagram.planning import plan_motion
     from flipdiagram.scenario.scenario import Scenario
 
@@ -80,6 +80,7 @@ def _simulation(repetitions: int, quick: bool) -> Iterator[Section]:
     motion = plan_motion(scenario)
     yield loop.measure(scenario, motion, repetitions)
     yield boxes.measure(scenario, motion, repetitions)
+    yield engines.measure(repetitions, quick)
 
 
 def _campaign(repetitions: int, quick: bool) -> Iterator[Section]:

@@ -149,7 +149,7 @@ class Fused(LeafSystem):
         super().__init__()
         program = self._program = Program(diagram)
         compiled = machine_code(program) if native else None
-        self.is_native, self._compute = compiled is not None, compiled or program.run
+        self.is_native, self.compute = compiled is not None, compiled or program.run
         for i in range(diagram.num_input_ports()):
             port = diagram.get_input_port(i)
             self.DeclareVectorInputPort(port.get_name(), port.size())
@@ -176,15 +176,19 @@ class Fused(LeafSystem):
                 {everything.ticket()},
             )
 
-    def _run(self, context: Context) -> Floats:
-        given = [read(context) for read in self._inputs]
+    def given(self, context: Context) -> Floats:
+        """Inputs and states, one after another, as `compute` takes them."""
+        parts = [read(context) for read in self._inputs]
         if self._has_state:
-            given.append(context.get_discrete_state_vector().value())
-        vector = np.concatenate(given)
+            parts.append(context.get_discrete_state_vector().value())
+        return np.concatenate(parts)
+
+    def _run(self, context: Context) -> Floats:
+        given = self.given(context)
         try:
-            return self._compute(vector)
+            return self.compute(given)
         except np.linalg.LinAlgError:  # of machine code; the law itself says what it means
-            return self._program.run(vector)
+            return self._program.run(given)
 
     def _update(self, context: Context, state: Any) -> None:
         state.set_value(self._values(context)[self._following])
