@@ -7,48 +7,21 @@ as numba's cache would not notice that it has changed.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import PlanningError
 from flipdiagram.robot.jit import jit
-from flipdiagram.robot.serial_chain import SerialChain
-from flipdiagram.robot.task_space import UPRIGHT
+from flipdiagram.robot.serial_chain import Along, Links, SerialChain
+from flipdiagram.robot.task_space import COS_PITCH_MIN, UPRIGHT
 
 TURN = 2 * math.pi
-COS_PITCH_MIN = 1e-6
-"""As in task_space: below, θ and yaw turn about the same axis."""
 ITERATIONS = 12
 """Newton iterations per sample; more means that the path is hard, and the search in inverse_kinematics takes over."""
 LONGEST_STEP = 0.3
 """Most that a joint turns from one sample to the next [rad], as in inverse_kinematics."""
-
-
-class Links(NamedTuple):
-    """Where joints and links are at K samples: axes and points on them (K, n, 3), mass centres (K, n, 3), inertias
-    (K, n, 3, 3); end (K, 4, 3): rotation of the control point in rows 0-2, its position in row 3; scratch (10, 3)."""
-
-    axes: Floats
-    points: Floats
-    centres: Floats
-    inertias: Floats
-    end: Floats
-    scratch: Floats
-
-
-class Along(NamedTuple):
-    """A chain that moves along K samples: P = Jᵀ (J Jᵀ)⁻¹ (K, n, 6), q̇ = P v (K, n), J' q̇ (K, 6).
-
-    regular: no pose is singular; else the numbers mean nothing.
-    """
-
-    links: Links
-    from_task: Floats
-    qd: Floats
-    bias: Floats
-    regular: bool
 
 
 @jit
@@ -85,8 +58,7 @@ def place(chain: SerialChain, q: Any, links: Links, k: int, massive: bool) -> No
         for r in range(3):
             for s in range(3):
                 R[r, s] = S[r, s]
-        # the axis stays where it is: p = o − R c
-        for r in range(3):
+            # the axis stays where it is: p = o − R c
             p[r] = o[i, r] - (R[r, 0] * points[i, 0] + R[r, 1] * points[i, 1] + R[r, 2] * points[i, 2])
         if not massive:
             continue
@@ -201,9 +173,7 @@ def bias_acceleration(qd: Any, w: Any, o: Any, end: Any, bias: Any) -> None:
             ax += (vy * w[i, 2] - vz * w[i, 1]) * s
             ay += (vz * w[i, 0] - vx * w[i, 2]) * s
             az += (vx * w[i, 1] - vy * w[i, 0]) * s
-            vx += w[i, 0] * s
-            vy += w[i, 1] * s
-            vz += w[i, 2] * s
+            vx, vy, vz = vx + w[i, 0] * s, vy + w[i, 1] * s, vz + w[i, 2] * s
     bias[0], bias[1], bias[3] = by, bz, bx
     theta_a, pitch_a, yaw_a = rates(end, ay, ax, az)
     theta_v, pitch_v, yaw_v = rates(end, vy, vx, vz)
@@ -267,8 +237,7 @@ def along(chain: SerialChain, q: Any, v: Any) -> Along:
         if not jacobian(links, k, J) or not factorise(J, G):
             return Along(links, P, qd, bias, False)
         for i in range(n):
-            for r in range(6):
-                P[k, i, r] = J[r, i]
+            P[k, i] = J[:, i]
             back(G, P[k, i])  # a row of Jᵀ (J Jᵀ)⁻¹, the matrix being symmetric
             qd[k, i] = P[k, i, 0] * v[k, 0] + P[k, i, 1] * v[k, 1] + P[k, i, 2] * v[k, 2]
         bias_acceleration(qd[k], links.axes[k], links.points[k], links.end[k], bias[k])
@@ -284,8 +253,7 @@ def speeds(chain: SerialChain, q: Any, v: Any, qd: Any) -> bool:
         place(chain, q[k], links, 0, False)
         if not jacobian(links, 0, J) or not factorise(J, G):
             return False
-        for r in range(6):
-            y[r] = v[k, r] if r < 3 else 0.0
+        y[:3], y[3:] = v[k], 0.0
         back(G, y)
         for i in range(n):
             qd[k, i] = 0.0
@@ -298,21 +266,15 @@ def speeds(chain: SerialChain, q: Any, v: Any, qd: Any) -> bool:
 def tool_along(chain: SerialChain, q: Any, qd: Any) -> tuple[Floats, Floats, Floats]:
     """x, v (K, 6) at joint angles and speeds (K, n), and `end` of `Links` (K, 4, 3); PlanningError at pitch ±90°."""
     count, n = q.shape
-    links, J, x, v, end = (
-        empty_links(1, n),
-        np.empty((6, n)),
-        np.empty((count, 6)),
-        np.zeros((count, 6)),
-        np.empty((count, 4, 3)),
-    )
+    links, J, end = empty_links(1, n), np.empty((6, n)), np.empty((count, 4, 3))
+    x, v = np.empty((count, 6)), np.zeros((count, 6))
     for k in range(count):
         place(chain, q[k], links, 0, False)
         coordinates(links.end[0], x[k])
         if not jacobian(links, 0, J):
             raise PlanningError(UPRIGHT)
         for i in range(n):
-            for r in range(6):
-                v[k, r] += J[r, i] * qd[k, i]
+            v[k] += J[:, i] * qd[k, i]
         end[k] = links.end[0]
     return x, v, end
 

@@ -5,9 +5,8 @@ from typing import Any
 import numpy as np
 
 from flipdiagram.arrays import Floats
-from flipdiagram.robot.chain import Along, Links
 from flipdiagram.robot.jit import jit
-from flipdiagram.robot.serial_chain import SerialChain
+from flipdiagram.robot.serial_chain import Along, Links, SerialChain
 
 Vector = tuple[float, float, float]
 

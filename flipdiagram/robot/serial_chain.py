@@ -33,6 +33,31 @@ class SerialChain(NamedTuple):
     """g_z [m/s²]."""
 
 
+class Links(NamedTuple):
+    """Where joints and links are at K samples: axes and points on them (K, n, 3), mass centres (K, n, 3), inertias
+    (K, n, 3, 3); end (K, 4, 3): rotation of the control point in rows 0-2, its position in row 3; scratch (10, 3)."""
+
+    axes: Floats
+    points: Floats
+    centres: Floats
+    inertias: Floats
+    end: Floats
+    scratch: Floats
+
+
+class Along(NamedTuple):
+    """A chain that moves along K samples: P = Jᵀ (J Jᵀ)⁻¹ (K, n, 6), q̇ = P v (K, n), J' q̇ (K, 6).
+
+    regular: no pose is singular; else the numbers mean nothing.
+    """
+
+    links: Links
+    from_task: Floats
+    qd: Floats
+    bias: Floats
+    regular: bool
+
+
 def serial_chain(arm: ArmModel) -> SerialChain | None:
     """The chain of an arm under vertical gravity; None where it is none, see `chain_in`, or gravity is tilted."""
     if np.any(np.asarray(arm.plant.gravity_field().gravity_vector())[:2]):
