@@ -73,17 +73,12 @@ def assemble(
         plan: the motion that was followed in the end.
     """
     samples = len(time)
-    x, v, tool = arm.tool_motion(signals["q"].T, signals["qd"].T)
-    x, v = x[:, :3], v[:, :3]
-    a = np.diff(v, axis=0, append=v[-1:]) / scenario.controller.period
+    x, v, a, tool = _motion(arm, signals["q"], signals["qd"], scenario.controller.period)
     values = {name: signals[name][:3].T for name in ("x_cmd", "v_cmd", "a_cmd")} | {"x": x, "v": v, "a": a}
-    values |= {"x_meas": x, "v_meas": v, "a_meas": a}
+    values |= dict(zip(("x_meas", "v_meas", "a_meas"), (x, v, a), strict=True))
     if "q_meas" in signals:
-        seen = zip(signals["q_meas"].T, signals["qd_meas"].T, strict=True)
-        six = np.array([arm.task_position_velocity(*each) for each in seen])
-        x_meas, v_meas = six[:, 0, :3], six[:, 1, :3]
-        a_meas = np.diff(v_meas, axis=0, append=v_meas[-1:]) / scenario.controller.period
-        values |= {"x_meas": x_meas, "v_meas": v_meas, "a_meas": a_meas}
+        seen = _motion(arm, signals["q_meas"], signals["qd_meas"], scenario.controller.period)
+        values |= dict(zip(("x_meas", "v_meas", "a_meas"), seen, strict=False))
     values |= {name: signals[name].T for name in ("q", "qd", "tau", "tau_cmd")}
     values["tau_dis"] = signals.get("tau_dis", np.zeros((arm.n_joints, samples))).T
     values |= {"tool_pose": continuous(tool), "block_pose": continuous(signals["block_pose"].T)}
@@ -104,6 +99,12 @@ def assemble(
     if "tau_dis" not in signals:
         data["tau_dis"].attrs["note"] = "this architecture has no disturbance observer"
     return data
+
+
+def _motion(arm: ArmModel, q: Floats, qd: Floats, period: float) -> tuple[Floats, Floats, Floats, Floats]:
+    """Of the tool x, v, a (samples, 3), a the difference of v over the period [s], and its pose, from (n, samples)."""
+    x, v, pose = arm.tool_motion(q.T, qd.T)
+    return x[:, :3], v[:, :3], np.diff(v[:, :3], axis=0, append=v[-1:, :3]) / period, pose
 
 
 def _attributes(scenario: Scenario, architecture: str, plan: Plan | Command) -> dict[str, Any]:
