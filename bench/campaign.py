@@ -191,7 +191,7 @@ def _row_time(path: Path) -> float:
         begin = time.perf_counter()
         for k in range(50):
             text = "x" * 2000
-            results.put([Row(k, "pd", "slid later", text, 1, "", {}, [], None, None, "", {}, 0.0, "", 1, 0.0)])
+            results.put([Row(k, "pd", "slid later", text, 1, "", {}, [], None, None, "", {}, 0.0, "", 1, 0.0).packed()])
         return (time.perf_counter() - begin) / 50
 
 

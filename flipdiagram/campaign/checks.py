@@ -72,7 +72,7 @@ def estimated_hours(specification: Specification, jobs: int) -> float:
     settings = specification.base.simulation
     simulated = settings.lead_time + MOTION_SECONDS + settings.settle_time
     flips = specification.rows * (BUILD_SECONDS + simulated / REAL_TIME_FACTOR * 0.001 / settings.step)
-    plans = (specification.trials if specification.plans_vary else 1) * PLAN_SECONDS
+    plans = (specification.trials if specification.planned else 1) * PLAN_SECONDS
     return (flips + plans) / jobs / 3600
 
 

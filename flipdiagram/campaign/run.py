@@ -1,14 +1,15 @@
 """A campaign from its specification to its file: what is missing is flown, by whatever workers."""
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from flipdiagram.campaign.checks import check_estimate
+from flipdiagram.campaign.draw import missing_draws
 from flipdiagram.campaign.specification import Specification
 from flipdiagram.flips.driver import Flying, fly_all
-from flipdiagram.flips.flight import Flight, Work, fly_flight, plan_drawn_flight, provenance
+from flipdiagram.flips.flight import Work, fly_flight, plan_drawn_flight, provenance
 from flipdiagram.flips.flip import scenario_digest
 from flipdiagram.flips.run import Clock, Progress
 from flipdiagram.flips.store import refusal, to_json
@@ -80,15 +81,8 @@ def run(
             progress(f"{specification.rows} flips, {missing} of them to be flown, on {workers.name}")
             tick = Clock(missing, progress).tick
             flying = Flying(workers, store, work, specification.limits, tick, any_version)
-            fly_all(missing_flights(specification, done), flying)
+            fly_all(missing_draws(specification, done), missing, flying)
         return Ended(file, missing, workers.name)
-
-
-def missing_flights(specification: Specification, done: Mapping[tuple[int, str], str]) -> Iterator[Flight]:
-    """Trial by trial, so that the architectures can be compared from the first row on."""
-    for index in range(specification.trials):
-        if names := [name for name in specification.architectures if (index, name) not in done]:
-            yield from specification.flights(index, names)
 
 
 def _check_draws(specification: Specification, done: Mapping[tuple[int, str], str], file: Path) -> None:

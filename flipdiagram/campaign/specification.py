@@ -91,28 +91,29 @@ class Specification:
 
     def trial(self, index: int) -> Trial:
         """A trial by its number."""
-        return self.trial_at(self.points[index], index)
+        return self.drawn(index, self.points[index].tolist(), self.seeds[index])
 
-    def trial_at(self, point: Floats, index: int = 0) -> Trial:
-        """The trial at a point of the unit cube, shape (dimensions,), with the seed of a number."""
-        values = [d.distribution.value(float(u)) for d, u in zip(self.dimensions, point, strict=True)]
-        return self._trial(index, values)
+    def drawn(self, index: int, point: Sequence[float], seed: int) -> Trial:
+        """A trial by its number, where it lies in the unit cube, and its seed."""
+        values = [d.distribution.value(u) for d, u in zip(self.dimensions, point, strict=True)]
+        return self._trial(index, seed, values, self.dimensions)
 
     def trial_with(self, dimensions: Sequence[Dimension], values: Sequence[Any]) -> Trial:
         """The trial with these dimensions at these values, and all else as in the base."""
-        return self._trial(0, values, dimensions)
+        return self._trial(0, self.seeds[0], values, dimensions)
 
     def at_ends(self) -> list[tuple[Dimension, Trial]]:
         """Trials with one dimension at a border and the others as in the base, to be tried before anything runs."""
-        return [(d, self._trial(0, [value], [d])) for d in self.dimensions for value in d.distribution.ends()]
+        seed = self.seeds[0]
+        return [(d, self._trial(0, seed, [value], [d])) for d in self.dimensions for value in d.distribution.ends()]
 
-    def _trial(self, index: int, values: Sequence[Any], dimensions: Sequence[Dimension] | None = None) -> Trial:
+    def _trial(self, index: int, seed: int, values: Sequence[Any], dimensions: Sequence[Dimension]) -> Trial:
         overrides: dict[str, Any] = {}
-        for dimension, value in zip(self.dimensions if dimensions is None else dimensions, values, strict=True):
+        for dimension, value in zip(dimensions, values, strict=True):
             for field in dimension.fields:
                 overrides[field] = _setting(self.base, overrides, field, dimension, value)
-        overrides |= {path: self.seeds[index] for path in SEEDS if path not in overrides}
-        return Trial(index, self.seeds[index], tuple(values), overrides)
+        overrides |= {path: seed for path in SEEDS if path not in overrides}
+        return Trial(index, seed, tuple(values), overrides)
 
     def truth(self, trial: Trial) -> Scenario:
         """The scenario in which the trial happens; raises InputError where it cannot be."""
@@ -122,21 +123,22 @@ class Specification:
         """The scenario that planner and controller go by: without what they do not know."""
         return self.base.with_overrides({path: v for path, v in trial.overrides.items() if not self.unknown(path)})
 
-    def flights(self, index: int, architectures: Sequence[str]) -> list[Flight]:
-        """A trial under each of the architectures."""
-        trial = self.trial(index)
+    def flight(self, trial: Trial, architecture: str) -> Flight:
+        """A trial under one of the architectures."""
         truth, believed = self.truth(trial), self.believed(trial)
-        return [Flight(index, truth, believed, a, trial.seed, trial.values, trial.overrides) for a in architectures]
+        return Flight(trial.index, truth, believed, architecture, trial.seed, trial.values, trial.overrides)
 
     def unknown(self, path: str) -> bool:
         """Whether planner and controller do not know a field's drawn value."""
         return path.split(".")[0] in UNKNOWN_SECTIONS and path not in self.known
 
-    @property
-    def plans_vary(self) -> bool:
-        """Whether each trial needs a plan of its own."""
-        fields = [field for dimension in self.dimensions for field in dimension.fields]
-        return any(field.split(".")[0] in PLAN_SECTIONS and not self.unknown(field) for field in fields)
+    @cached_property
+    def planned(self) -> tuple[int, ...]:
+        """Numbers of the dimensions on which the plan depends; where there are none, one plan serves all trials."""
+        return tuple(k for k, dimension in enumerate(self.dimensions) if any(map(self._is_planned, dimension.fields)))
+
+    def _is_planned(self, field: str) -> bool:
+        return field.split(".")[0] in PLAN_SECTIONS and not self.unknown(field)
 
     @property
     def rows(self) -> int:

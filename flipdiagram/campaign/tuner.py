@@ -143,13 +143,13 @@ def _fly(
     missing: dict[str, Flight] = {}
     for gains in candidates:
         tuned = replace(specification, base=specification.base.with_overrides(gains))
-        flights = [flight for k in range(specification.trials) for flight in tuned.flights(k, [name])]
+        flights = [tuned.flight(tuned.trial(k), name) for k in range(specification.trials)]
         keys.append([f"{Flip(flight.truth, name).key} {flight.plan_key}" for flight in flights])
         for key, flight in zip(keys[-1], flights, strict=True):
             if store.outcome(key, name) is None:
                 missing[key] = replace(flight, trial=key)
     clock.total -= len(candidates) * specification.trials - len(missing)  # of an earlier run
-    fly_all(missing.values(), flying)
+    fly_all(missing.values(), len(missing), flying)
     outcomes = [tuple(o for key in one if (o := store.outcome(key, name)) is not None) for one in keys]
     return [Candidate(gains, o, tuning.goal) for gains, o in zip(candidates, outcomes, strict=True)]
 

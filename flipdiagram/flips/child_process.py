@@ -18,6 +18,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
+from inspect import isfunction
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
@@ -160,17 +161,23 @@ def in_child(function: Callable[..., Any], arguments: tuple[Any, ...], limits: L
     if child is None or child.spent:
         if child is not None:
             child.close()
-        child = _thread.child = _started(function.__module__)
+        child = _thread.child = _started(_modules(function, *arguments))
     child.calls += 1
     return child.call(function, arguments, limits)
 
 
-def _started(module: str) -> Child:
-    """A new child that has imported what will be called; one lost before says nothing about a trial."""
+def _modules(*values: Any) -> tuple[str, ...]:
+    """Where functions, and the classes of other values, are defined."""
+    homes = {value.__module__ if isfunction(value) else type(value).__module__ for value in values}
+    return tuple(sorted(homes))
+
+
+def _started(modules: tuple[str, ...]) -> Child:
+    """A new child that has imported what it will need; one lost before says nothing about a trial."""
     for start in range(1, STARTS + 1):
         child = Child()
         try:
-            child.call(_load, (module,), Limits(START_TIMEOUT, float("inf")))
+            child.call(_load, modules, Limits(START_TIMEOUT, float("inf")))
             break
         except WorkerLostError:
             if start == STARTS:
@@ -217,8 +224,9 @@ def _answer(message: bytes) -> tuple[Any, str | None, FlipdiagramError | None]:
         return None, text, error if isinstance(error, FlipdiagramError) else None
 
 
-def _load(module: str) -> None:
-    import_module(module)
+def _load(*modules: str) -> None:
+    for module in modules:
+        import_module(module)
 
 
 def _resident(pid: int) -> int:

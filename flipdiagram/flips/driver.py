@@ -6,6 +6,8 @@ What becomes of a trial whose process hangs, crashes or is killed:
 * It raises an exception: that is a bug, `crashed` is its outcome, and the exception stands in its row.
 * Its process is lost in the middle, killed or out of memory: that says nothing about the trial.  It is tried again in a
   new process, `ATTEMPTS` times in all; then it is `crashed` too.
+* Its batch is lost, with a worker of a cluster: nobody knows at which trial.  Each is tried again, alone from then on,
+  so that only its own losses count.
 
 Whichever it is, the other trials go on, and what has ended is in the file already.
 """
@@ -14,28 +16,30 @@ import queue
 import time
 from asyncio import CancelledError
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable
 from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from flipdiagram.errors import InputError, SimulationError, first_line
-from flipdiagram.files import plain
+from flipdiagram.flips.batches import Answer, Batch, Pace
 from flipdiagram.flips.child_process import Limits, TrialError, TrialLimitError
-from flipdiagram.flips.flight import Flight, Landed, Planned, Work, provenance
-from flipdiagram.flips.flip import scenario_digest
+from flipdiagram.flips.flight import Landed, Work, provenance
+from flipdiagram.flips.order import Order, fly_order, plan_order, row_of
 from flipdiagram.flips.outcome import Outcome
-from flipdiagram.flips.store import Row, Store
+from flipdiagram.flips.store import ATTEMPTED, CODE, PackedPlan, PackedRow, Store
 from flipdiagram.flips.workers import Workers
 
 ATTEMPTS = 5
 """How often a trial is tried whose worker is lost; then it is `crashed`."""
 AHEAD = 2
-"""Calls handed to the workers per call that runs: none idles, and few are lost or held in memory."""
-PARKED = 8
+"""Batches handed to the workers per batch that runs: none idles, and few are lost or held in memory."""
+PARKED = 4
 """Trials that may wait for plans, per call handed out: one plan may be shared by all of a million."""
-COMMITTED = 100
+COMMITTED = 500
 """Trials that are kept at once, where more have ended or have no motion."""
+REMEMBERED = 500
+"""Plans at hand; the others are in the file."""
 LOOK = 5.0
 """Seconds between two looks at how many workers there are."""
 
@@ -55,30 +59,55 @@ class Flying:
     """Whether flips are kept that other code has flown than this process runs."""
 
 
-def fly_all(flights: Iterable[Flight], flying: Flying) -> None:
-    """Fly the flights; whatever becomes of one is a row of the store, in the order in which they end.
+def fly_all(orders: Iterable[Order], count: int, flying: Flying) -> None:
+    """Fly the orders, `count` in all; whatever becomes of one is a row of the store, in the order in which they end.
 
     Raises SimulationError where the workers are gone or fly other code.
     """
-    _Driver(iter(flights), flying).run()
+    _Driver(orders, count, flying).run()
+
+
+@dataclass
+class _Call:
+    """A plan or a flip that is to be had."""
+
+    order: Order
+    plan: bytes = b""
+    """That a flip follows."""
+    attempts: int = 0
+    """That have ended, be it with the loss of its worker."""
+
+
+class _Line:
+    """Calls of one kind that nobody has been given yet."""
+
+    def __init__(self, what: str) -> None:
+        self.what, self.pace = what, Pace()
+        self.waiting: deque[_Call] = deque()
+        self.alone: deque[_Call] = deque()
+        """Those whose worker was lost: what comes next shall be their own doing, and no harm to others."""
+
+    def batch(self, size: int) -> list[_Call]:
+        """The next ones."""
+        if self.alone:
+            return [self.alone.popleft()]
+        return [self.waiting.popleft() for _ in range(min(size, len(self.waiting)))]
 
 
 class _Driver:
-    def __init__(self, flights: Iterator[Flight], flying: Flying) -> None:
-        self._flights, self._flying = flights, flying
+    def __init__(self, orders: Iterable[Order], count: int, flying: Flying) -> None:
+        self._orders, self._left, self._flying = iter(orders), count, flying
         self._workers, self._store = flying.workers, flying.store
-        self._ready: deque[tuple[Flight, str]] = deque()
-        """Flights with their plans."""
-        self._waiting: dict[str, list[Flight]] = {}
-        """Flights by the motion that is being planned for them."""
-        self._attempts: dict[str, int] = {}
-        """Of planning a motion."""
-        self._given_up: dict[str, str] = {}
+        self._flips, self._plans = _Line(""), _Line("planning ")
+        self._parked: dict[Hashable, tuple[str, list[Order]]] = {}
+        """Key and orders of each motion that is being planned."""
+        self._known: dict[Hashable, PackedPlan] = {}
+        """Plans by their motions."""
+        self._given_up: dict[Hashable, str] = {}
         """Motions whose planning timed out or crashed, with the reason."""
-        self._under_way: dict[Future[Any], Callable[[Future[Any]], None]] = {}
-        """What to do with the result of each call."""
-        self._ended: queue.SimpleQueue[Future[Any]] = queue.SimpleQueue()
-        self._landed: list[tuple[Flight, Landed]] = []
+        self._under_way: dict[Future[list[Answer]], tuple[_Line, list[_Call]]] = {}
+        self._ended: queue.SimpleQueue[Future[list[Answer]]] = queue.SimpleQueue()
+        self._landed: list[PackedRow] = []
         """Not yet kept."""
         self._width, self._looked = 1, float("-inf")
 
@@ -89,7 +118,7 @@ class _Driver:
             if not self._under_way:
                 break
             future = self._ended.get()
-            self._under_way.pop(future)(future)
+            self._land(future, *self._under_way.pop(future))
             if self._ended.empty() or len(self._landed) > COMMITTED:
                 self._keep()
         self._keep()
@@ -100,87 +129,129 @@ class _Driver:
         return AHEAD * self._width
 
     def _hand_out(self) -> bool:
-        """Give the workers one more call; False where there is none now."""
-        while not self._ready:
-            if sum(map(len, self._waiting.values())) > PARKED * self._window():
-                return False
-            if len(self._landed) > COMMITTED:
-                self._keep()
-            flight = next(self._flights, None)
-            if flight is None:
-                return False
-            key = flight.plan_key
-            if key in self._waiting:
-                self._waiting[key].append(flight)
-            elif key in self._given_up:
-                self._fail(flight, self._given_up[key])
-            elif (planned := self._store.plan(key)) is None:
-                self._waiting[key] = [flight]
-                self._plan(key, flight)
-                return True
-            else:
-                self._planned([flight], planned)
-        self._fly(*self._ready.popleft())
+        """Give the workers one more batch; False where there is none now."""
+        flips, plans = self._size(self._flips), self._size(self._plans)
+        self._take_in(flips, plans)
+        full = self._flips.alone or len(self._flips.waiting) >= flips
+        if self._plans.alone or (self._plans.waiting and not full):
+            self._submit(self._plans, plans, plan_order, self._flying.work.plan)
+        elif self._flips.alone or self._flips.waiting:
+            self._submit(self._flips, flips, fly_order, self._flying.work.fly)
+        else:
+            return False
         return True
 
-    def _planned(self, flights: list[Flight], planned: Planned) -> None:
+    def _size(self, line: _Line) -> int:
+        seconds = self._workers.batch_seconds(self._width)
+        return line.pace.size(seconds, self._left + len(line.waiting), self._width)
+
+    def _take_in(self, flips: int, plans: int) -> None:
+        """Take orders until a batch of flips or of plans is full, or enough of them wait for plans."""
+        parked = sum(len(orders) for _, orders in self._parked.values())
+        most = PARKED * self._window() * flips
+        while len(self._flips.waiting) < flips and len(self._plans.waiting) < plans and parked <= most:
+            if len(self._landed) > COMMITTED:
+                self._keep()
+            if (order := next(self._orders, None)) is None:
+                self._left = 0
+                return
+            self._left -= 1
+            parked += self._taken(order)
+
+    def _taken(self, order: Order) -> bool:
+        """Put an order where it belongs; whether it waits for its plan."""
+        motion = order.motion
+        if motion in self._parked:
+            self._parked[motion][1].append(order)
+            return True
+        if motion in self._given_up:
+            self._fail(order, self._given_up[motion])
+            return False
+        if (planned := self._known.get(motion)) is None:
+            key = order.flight().plan_key
+            if (planned := self._store.plan(key)) is None:
+                self._parked[motion] = key, [order]
+                self._plans.waiting.append(_Call(order))
+                return True
+            self._remember(motion, planned)
+        self._planned([order], planned)
+        return False
+
+    def _remember(self, motion: Hashable, planned: PackedPlan) -> None:
+        if len(self._known) >= REMEMBERED:
+            del self._known[next(iter(self._known))]
+        self._known[motion] = planned
+
+    def _planned(self, orders: list[Order], planned: PackedPlan) -> None:
         plan, error = planned
-        for flight in flights:
+        for order in orders:
             if plan is None:
-                self._fail(flight, f"no plan: {error}")
+                self._fail(order, f"no plan: {error}")
             else:
-                self._ready.append((flight, plan))
+                self._flips.waiting.append(_Call(order, plan))
 
-    def _plan(self, key: str, flight: Flight) -> None:
-        self._attempts[key] = self._attempts.get(key, 0) + 1
-
-        def landed(future: Future[Any]) -> None:
-            planned, failure, again = _ended(future, self._attempts[key], self._workers, planning=True)
-            if again:
-                self._plan(key, flight)
-            elif failure is not None:
-                self._given_up[key] = failure
-                for waiting in self._waiting.pop(key):
-                    self._fail(waiting, failure)
-            else:
-                self._store.put_plan(key, *planned)
-                self._planned(self._waiting.pop(key), planned)
-
-        self._submit(self._flying.work.plan, (flight.believed,), landed)
-
-    def _fly(self, flight: Flight, plan: str) -> None:
-        flight.attempts += 1
-
-        def landed(future: Future[Any]) -> None:
-            result, failure, again = _ended(future, flight.attempts, self._workers)
-            if again:
-                self._ready.appendleft((flight, plan))
-            elif failure is not None:
-                self._fail(flight, failure)
-            else:
-                self._landed.append((flight, result))
-
-        self._submit(self._flying.work.fly, (flight, plan), landed)
-
-    def _submit(
-        self, function: Callable[..., Any], arguments: tuple[Any, ...], landed: Callable[[Future[Any]], None]
-    ) -> None:
+    def _submit(self, line: _Line, size: int, function: Callable[..., Any], work: Callable[..., Any]) -> None:
+        calls = line.batch(size)
+        tasks = [(work, call.order, call.plan) if call.plan else (work, call.order) for call in calls]
         try:
-            future = self._workers.submit(function, arguments, self._flying.limits)
+            future = self._workers.submit_batch(Batch(function, tasks, self._flying.limits))
         except Exception as error:  # each kind of workers has its own
             raise _gone(self._workers, error) from None
-        self._under_way[future] = landed
+        self._under_way[future] = line, calls
         future.add_done_callback(self._ended.put)
 
-    def _fail(self, flight: Flight, failure: str) -> None:
-        self._landed.append((flight, Landed(Outcome(None, failure), 0.0, *provenance())))
+    def _land(self, future: Future[list[Answer]], line: _Line, calls: list[_Call]) -> None:
+        """What has become of a batch."""
+        try:
+            answers = future.result()
+            line.pace.add(answers)
+        except (Exception, CancelledError) as error:  # each kind of workers has its own
+            if not self._workers.alive():
+                raise _gone(self._workers, error) from None
+            if len(calls) > 1:  # lost, and nobody knows at which
+                line.alone.extend(calls)
+                return
+            answers = [Answer(None, error, 0.0)]
+        values = []
+        for call, answer in zip(calls, answers, strict=False):
+            call.attempts += 1
+            value, failure, again = _ended(answer, call.attempts, line.what)
+            if again:
+                line.alone.append(call)
+            elif failure is None:
+                values.append((call, value))
+            elif line is self._plans:
+                self._given_up[call.order.motion] = failure
+                for order in self._parked.pop(call.order.motion)[1]:
+                    self._fail(order, failure)
+            else:
+                self._fail(call.order, failure, call.attempts)
+        line.waiting.extendleft(reversed(calls[len(answers) :]))  # not begun
+        (self._land_plans if line is self._plans else self._land_flips)(values)
+
+    def _land_plans(self, plans: list[tuple[_Call, PackedPlan]]) -> None:
+        motions = [call.order.motion for call, _ in plans]
+        parked = [self._parked.pop(motion) for motion in motions]
+        self._store.put_plans({key: planned for (key, _), (_, planned) in zip(parked, plans, strict=True)})
+        for motion, (_, orders), (_, planned) in zip(motions, parked, plans, strict=True):
+            self._remember(motion, planned)
+            self._planned(orders, planned)
+
+    def _land_flips(self, rows: list[tuple[_Call, PackedRow]]) -> None:
+        for call, row in rows:
+            again = call.attempts > 1
+            self._landed.append((*row[:ATTEMPTED], call.attempts, *row[ATTEMPTED + 1 :]) if again else row)
+
+    def _fail(self, order: Order, failure: str, attempts: int = 1) -> None:
+        landed = Landed(Outcome(None, failure), 0.0, *provenance())
+        self._landed.append(row_of(order.flight(), landed, attempts).packed())
 
     def _keep(self) -> None:
         if not self._landed:
             return
         code = provenance()[0]
-        same = [pair for pair in self._landed if self._flying.any_code or pair[1].code == code]
-        self._store.put([row_of(flight, landed) for flight, landed in same])
+        same = [row for row in self._landed if self._flying.any_code or row[CODE] == code]
+        self._store.put(same)
         for _ in same:
             self._flying.tick()
         if len(same) < len(self._landed):  # a worker that has just started reads the files as they are now
@@ -191,30 +262,6 @@ class _Driver:
         self._landed = []
 
 
-def row_of(flight: Flight, landed: Landed) -> Row:
-    """A flip that has ended as a row of the store."""
-    outcome = landed.outcome
-    measured = outcome.metrics and outcome.metrics.as_dict() | {"torque_use": outcome.torque_use}
-    return Row(
-        trial=flight.trial,
-        architecture=flight.architecture,
-        outcome=outcome.mode,
-        failure=outcome.failure,
-        seed=flight.seed,
-        scenario_hash=scenario_digest(flight.truth),
-        overrides=plain(flight.overrides),
-        values=plain(flight.values),
-        metrics=plain(measured),
-        plan=plain(outcome.plan),
-        code=landed.code,
-        versions=landed.versions,
-        seconds=landed.seconds,
-        host=landed.host,
-        attempts=flight.attempts,
-        finished=time.time(),
-    )
-
-
 class _Ended(NamedTuple):
     """How a call ended: with a value, with a failure that is the trial's outcome, or so that it is tried again."""
 
@@ -223,23 +270,20 @@ class _Ended(NamedTuple):
     again: bool = False
 
 
-def _ended(future: Future[Any], attempts: int, workers: Workers, planning: bool = False) -> _Ended:
-    """How a call ended that was tried so often; SimulationError where nobody is left to try it again."""
-    what = "planning " if planning else ""
-    try:
-        return _Ended(future.result())
-    except TrialLimitError as error:
+def _ended(answer: Answer, attempts: int, what: str) -> _Ended:
+    """How a call ended that was tried so often; what: "planning ", or nothing."""
+    error = answer.error
+    if error is None:
+        return _Ended(answer.value)
+    if isinstance(error, TrialLimitError):
         return _Ended(failure=f"{error.kind}: {what}{error}")
-    except TrialError as error:
-        if planning and isinstance(error.error, InputError):
+    if isinstance(error, TrialError):
+        if what and isinstance(error.error, InputError):
             raise error.error from None
-        return _Ended(failure=f"crashed: {'planning: ' if planning else ''}{error}")
-    except (Exception, CancelledError) as error:  # each kind of workers has its own
-        if not workers.alive():
-            raise _gone(workers, error) from None
-        if attempts < ATTEMPTS:
-            return _Ended(again=True)
-        return _Ended(failure=f"crashed: {what}lost its worker {ATTEMPTS} times: {first_line(error)}")
+        return _Ended(failure=f"crashed: {what and 'planning: '}{error}")
+    if attempts < ATTEMPTS:
+        return _Ended(again=True)
+    return _Ended(failure=f"crashed: {what}lost its worker {ATTEMPTS} times: {first_line(error)}")
 
 
 def _gone(workers: Workers, error: BaseException) -> SimulationError:

@@ -28,7 +28,7 @@ Planned = tuple[str | None, str | None]
 """(plan as JSON, None) or (None, why there is none)."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Flight:
     """One flip to be flown: what is true, and what planner and controller believe.
 
@@ -44,12 +44,20 @@ class Flight:
     overrides: Mapping[str, Any] = field(default_factory=dict)
     recording: Path | None = None
     """File for its signals."""
-    attempts: int = 0
 
     @property
     def plan_key(self) -> str:
         """Name of the motion that is needed."""
         return Flip(self.believed, self.architecture).plan_key
+
+    @property
+    def motion(self) -> str:
+        """Flights with equal ones fly the same plan."""
+        return self.plan_key
+
+    def flight(self) -> "Flight":
+        """Itself, as an `order.Order`."""
+        return self
 
 
 @dataclass(frozen=True)

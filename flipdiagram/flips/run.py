@@ -39,7 +39,8 @@ def run_flips(
             with Workers(jobs) as workers:
                 flights = [_flight(key, flip, out) for key, flip in missing.items()]
                 limits = Limits(max(map(_timeout, missing.values())), MEMORY)
-                fly_all(flights, Flying(workers, store, WORK, limits, Clock(len(missing), progress).tick))
+                flying = Flying(workers, store, WORK, limits, Clock(len(missing), progress).tick)
+                fly_all(flights, len(flights), flying)
         outcomes = [_outcome(flip, store) for flip in flips]
     for outcome in outcomes:
         if outcome.mode in LOST:

@@ -2,7 +2,6 @@
 
 import json
 import sqlite3
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
@@ -22,6 +21,11 @@ CREATE TABLE trials (
     finished REAL NOT NULL, PRIMARY KEY (trial, architecture)
 ) WITHOUT ROWID;
 """
+
+PackedRow = tuple[Any, ...]
+"""A row as SQLite takes it, in the order of `COLUMNS`."""
+PackedPlan = tuple[bytes | None, str | None]
+"""(plan as compressed JSON, None) or (None, why there is none)."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +56,23 @@ class Row:
     host: str
     attempts: int
     finished: float
-    """Seconds since 1970."""
+    """Seconds since 1970, by the clock of the host."""
+
+    def packed(self) -> PackedRow:
+        """As it stands in the file, to be put there: made by the worker that has the row."""
+        return tuple(_packed(name, getattr(self, name)) for name in COLUMNS)
+
+
+def _packed(name: str, value: Any) -> Any:
+    return to_json(value) if name in _JSON and value is not None else value
 
 
 COLUMNS = tuple(field.name for field in fields(Row))
 _JSON = ("overrides", "values", "metrics", "plan", "versions")
 _NAMES = ", ".join(f'"{name}"' for name in COLUMNS)
+_PLACES = ", ".join("?" * len(COLUMNS))
+CODE, ATTEMPTED = COLUMNS.index("code"), COLUMNS.index("attempts")
+"""Where they stand in a packed row."""
 
 
 class Store:
@@ -104,27 +119,24 @@ class Store:
             return Outcome.from_row(row.metrics, row.failure, row.plan)
         return None
 
-    def plan(self, key: str) -> tuple[str | None, str | None] | None:
-        """(plan as JSON, None) or (None, why there is none); None where it is not known."""
+    def plan(self, key: str) -> PackedPlan | None:
+        """What is kept under a key; None where nothing is."""
         for plan, error in self._all("SELECT plan, error FROM plans WHERE key = ?", (key,)):
-            return None if plan is None else zlib.decompress(plan).decode(), error
+            return plan, error
         return None
 
-    def put_plan(self, key: str, plan: str | None, error: str | None) -> None:
-        """Keep a plan or the reason why there is none."""
-        packed = None if plan is None else zlib.compress(plan.encode())
-        with errors(self.path):
-            self._database.execute("INSERT INTO plans VALUES (?, ?, ?)", (key, packed, error))
+    def put_plans(self, plans: Mapping[str, PackedPlan]) -> None:
+        """Keep plans, or the reasons why there are none, by their keys."""
+        self._insert("INSERT INTO plans VALUES (?, ?, ?)", [(key, *packed) for key, packed in plans.items()])
 
-    def put(self, rows: Sequence[Row]) -> None:
+    def put(self, rows: Sequence[PackedRow]) -> None:
         """Keep rows, on the disk when this returns."""
-        places = ", ".join("?" * len(COLUMNS))
+        self._insert(f"INSERT INTO trials ({_NAMES}) VALUES ({_PLACES})", rows)
+
+    def _insert(self, query: str, values: Sequence[tuple[Any, ...]]) -> None:
         with errors(self.path), self._database:  # all or nothing, and on the disk when it ends
             self._database.execute("BEGIN IMMEDIATE")
-            for row in rows:
-                data = {name: getattr(row, name) for name in COLUMNS}
-                data |= {name: None if data[name] is None else to_json(data[name]) for name in _JSON}
-                self._database.execute(f"INSERT INTO trials ({_NAMES}) VALUES ({places})", tuple(data.values()))
+            self._database.executemany(query, values)
 
     def forget(self, trial: int | str, architecture: str) -> None:
         """Take out a row, of a flip that is flown again."""

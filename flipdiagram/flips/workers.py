@@ -7,11 +7,16 @@ from contextlib import suppress
 from typing import Any, Self, TypeVar
 
 from flipdiagram.errors import InputError, SimulationError, first_line
+from flipdiagram.flips.batches import Answer, Batch, each_in_child
 from flipdiagram.flips.child_process import Limits, TrialError, WorkerLostError, close_children, in_child, kill_children
 from flipdiagram.flips.flip import SOURCES, code_version
 
 CONNECT_TIMEOUT = 10.0
 """Seconds to wait for the scheduler of a cluster."""
+BATCH_SECONDS = (5.0, 60.0)
+"""How long a batch on a cluster takes at least and at most: so much work is lost with its worker."""
+BATCHES_A_SECOND = 30
+"""That a scheduler and a driver see from all workers: at 2 to 8 ms each they have time to spare."""
 Result = TypeVar("Result")
 
 
@@ -55,7 +60,18 @@ class Workers:
         self, function: Callable[..., Any], arguments: tuple[Any, ...], limits: Limits | None = None
     ) -> Future[Any]:
         """A call to be made as soon as a worker is free; limits: what it may take once it has begun."""
-        call = self._executor.submit(in_child, function, arguments, limits)
+        return self._begin(in_child, function, arguments, limits)
+
+    def submit_batch(self, batch: Batch) -> Future[list[Answer]]:
+        """Calls to be made one after another by one worker; the answers as of `each_in_child`."""
+        return self._begin(each_in_child, batch)
+
+    def batch_seconds(self, width: int) -> float:
+        """How long a batch should take.  Here 0, so it holds one call: handing it to a thread costs nothing."""
+        return 0.0
+
+    def _begin(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        call = self._executor.submit(function, *arguments)
         self._calls.add(call)
         call.add_done_callback(self._calls.discard)
         return call
@@ -110,6 +126,11 @@ class DaskWorkers(Workers):
     def width(self) -> int:
         """Threads of all workers that are there now."""
         return sum(self._client.nthreads().values()) if self.alive() else 0
+
+    def batch_seconds(self, width: int) -> float:
+        """The longer, the more workers: together they end `BATCHES_A_SECOND`."""
+        least, most = BATCH_SECONDS
+        return min(max(width / BATCHES_A_SECOND, least), most)
 
     def alive(self) -> bool:
         """Whether the scheduler is there."""

@@ -203,7 +203,7 @@ def test_watching_shows_what_is_there_and_how_long_it_takes(file, tmp_path):
         assert "0 of 60 flips" in status_grid(path)[0].title
         now = time.time()
         plain = ("h", {}, [1, 2], None, None, "c", {}, 1.0, "h", 1)
-        results.put([Row(k, "pd", "timeout", "t", 1, *plain, now + k) for k in range(11)])
+        results.put([Row(k, "pd", "timeout", "t", 1, *plain, now + k).packed() for k in range(11)])
         title = status_grid(path)[0].title
         assert "11 of 60 flips, 60 a minute, 0:00:49 left" in title
     assert "not running" in status_grid(path)[0].title

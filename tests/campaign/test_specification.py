@@ -6,7 +6,7 @@ import pytest
 from campaign.made_up import QUIET
 
 from flipdiagram.campaign.checks import changes_of, check_estimate, estimated_hours, from_text, load_specification
-from flipdiagram.campaign.run import missing_flights
+from flipdiagram.campaign.draw import missing_draws
 from flipdiagram.campaign.specification_file import parse
 from flipdiagram.campaign.tuning import load_tuning, tuning
 from flipdiagram.errors import InputError
@@ -119,7 +119,7 @@ def test_planner_and_controller_do_not_know_what_varies_in_the_world_unless_told
     assert unknown.believed(trial).object.friction == 1.86
     assert known.believed(trial).object.friction == trial.values[0]
     assert unknown.believed(trial).task.start_y == unknown.truth(trial).task.start_y == trial.values[1]
-    assert unknown.plans_vary and known.plans_vary and not from_text(GOOD).plans_vary
+    assert unknown.planned == (1,) and known.planned == (0, 1) and from_text(GOOD).planned == ()
     keys = {Flip(from_text(GOOD).believed(from_text(GOOD).trial(k)), "pd").plan_key for k in range(8)}
     assert len(keys) == 1
 
@@ -131,8 +131,10 @@ def test_noise_of_a_trial_has_its_seed_whatever_the_architecture_unless_the_file
     seeds = [found.truth(found.trial(k)).sensors.noise_seed for k in range(8)]
     assert seeds == [found.trial(k).seed for k in range(8)] and len(set(seeds)) == 8
     assert all(1e-6 <= found.truth(found.trial(k)).sensors.position_noise <= 1e-3 for k in range(8))
-    jobs = list(missing_flights(found, {}))
-    assert [job.truth.sensors.noise_seed for job in jobs] == [seed for seed in seeds for _ in found.architectures]
+    flights = [draw.flight() for draw in missing_draws(found, {})]
+    assert [flight.truth.sensors.noise_seed for flight in flights] == [
+        seed for seed in seeds for _ in found.architectures
+    ]
     other = from_text(text + "seed: 9\n")
     assert not {other.truth(other.trial(k)).sensors.noise_seed for k in range(8)} & set(seeds)
     named = from_text(text.replace("vary:\n", "vary:\n  sensors.noise_seed: {choice: [4]}\n"))

@@ -16,8 +16,8 @@ from patience import HUNG
 from flipdiagram.campaign.checks import from_text
 from flipdiagram.errors import InputError
 from flipdiagram.flips import store_file
-from flipdiagram.flips.driver import row_of
 from flipdiagram.flips.flight import Flight, Landed
+from flipdiagram.flips.order import row_of
 from flipdiagram.flips.outcome import Outcome
 from flipdiagram.flips.store import SCHEMA, Row
 from flipdiagram.flips.store_file import APPLICATION, is_running, open_to_read, open_to_write
@@ -53,7 +53,7 @@ def row(k, text="x"):
 def file(tmp_path):
     path = tmp_path / "campaign.sqlite"
     with open_to_write(path, META, resume=False) as results:
-        results.put([row(k) for k in range(5)])
+        results.put([row(k).packed() for k in range(5)])
     return path
 
 
@@ -85,9 +85,9 @@ def test_rows_come_back_as_they_were_put_and_the_file_is_one_file(file):
 def test_a_row_cannot_be_written_twice(file):
     with open_to_write(file, META) as results:
         with pytest.raises(InputError, match="UNIQUE"):
-            results.put([row(7), row(3)])
+            results.put([row(7).packed(), row(3).packed()])
         assert len(results.done()) == 5  # neither
-        results.put([row(7)])
+        results.put([row(7).packed()])
     with open_to_read(file) as results:
         assert len(results.done()) == 6
 
@@ -107,7 +107,7 @@ def test_a_second_campaign_on_the_same_file_is_refused_and_the_first_goes_on(fil
     with open_to_write(file, META) as results:
         assert is_running(file)
         refused(file, f"process {os.getpid()}", "written", reading=False)
-        results.put([row(9)])
+        results.put([row(9).packed()])
         with open_to_read(file) as watched:  # reading is allowed
             assert len(watched.done()) == 6
     assert not is_running(file)
@@ -161,7 +161,7 @@ def test_a_database_of_something_else_is_refused_and_left_alone(tmp_path):
 
 def test_the_flips_of_a_study_are_no_campaign(tmp_path):
     with open_to_write(tmp_path / "runs.sqlite", {"digest": "flips of studies"}) as store:
-        store.put([row("a key")])
+        store.put([row("a key").packed()])
         assert store.outcome("a key", "pd").failure == "x" and store.outcome("a key", "pd+ff") is None
     with pytest.raises(InputError, match="not of a campaign"), open_to_read(tmp_path / "runs.sqlite"):
         pass
@@ -189,7 +189,7 @@ def test_a_file_of_version_1_of_a_campaign_is_read_and_gone_on_with(tmp_path):
         database.execute("PRAGMA user_version = 1")
     database.close()
     with open_to_write(path, META) as store:
-        store.put([row(3), row(1)])
+        store.put([row(3).packed(), row(1).packed()])
     with open_to_read(path) as store:
         assert list(store.rows()) == [row(1), row(3)]
 
@@ -210,10 +210,9 @@ def test_a_row_with_numbers_that_are_none_comes_back_as_it_was():
 
 def test_plans_are_kept_and_why_there_is_none(tmp_path):
     with open_to_write(tmp_path / "deep" / "runs.sqlite", META) as store:
-        store.put_plan("p", "{}", None)
-        store.put_plan("q", None, "too far")
+        store.put_plans({"p": (b"packed", None), "q": (None, "too far")})
     with open_to_write(tmp_path / "deep" / "runs.sqlite", META) as store:
-        assert [store.plan(key) for key in "pqr"] == [("{}", None), (None, "too far"), None]
+        assert [store.plan(key) for key in "pqr"] == [(b"packed", None), (None, "too far"), None]
 
 
 def test_every_row_is_on_the_disk_before_the_next_is_begun(tmp_path):
@@ -222,7 +221,7 @@ def test_every_row_is_on_the_disk_before_the_next_is_begun(tmp_path):
         "import os, signal, sys; from pathlib import Path\n"
         "from flipdiagram.flips.store import Row; from flipdiagram.flips.store_file import open_to_write\n"
         f"with open_to_write(Path(sys.argv[1]), {META}) as store:\n"
-        f"    for k in range(20): store.put([Row(k, *{astuple(row(0))[1:]})])\n"
+        f"    for k in range(20): store.put([Row(k, *{astuple(row(0))[1:]}).packed()])\n"
         "    os.kill(os.getpid(), signal.SIGKILL)\n"
     )
     path = tmp_path / "runs.sqlite"
@@ -244,7 +243,7 @@ def test_a_file_that_another_process_holds_is_waited_for_and_then_named(file, mo
 
 def test_a_damaged_file_is_refused(file):
     with open_to_write(file, META) as results:
-        results.put([row(k, "y" * 300) for k in range(100, 400)])
+        results.put([row(k, "y" * 300).packed() for k in range(100, 400)])
     data = bytearray(file.read_bytes())
     data[4096 * 6 :] = b"\xff" * (len(data) - 4096 * 6)
     file.write_bytes(bytes(data))
@@ -257,12 +256,12 @@ def test_a_full_disk_is_one_line_and_what_was_finished_stays(file):
         results._database.execute(f"PRAGMA max_page_count = {pages + 3}")
         with pytest.raises(InputError, match="full"):
             for k in range(10, 1000):
-                results.put([row(k, "z" * 3000)])
+                results.put([row(k, "z" * 3000).packed()])
     with open_to_read(file) as results:
         there = len(results.done())
     assert 5 < there < 100
     with open_to_write(file, META) as results:  # space again
-        results.put([row(1000)])
+        results.put([row(1000).packed()])
         assert len(results.done()) == there + 1
 
 
