@@ -25,6 +25,8 @@ SPEEDUP = Target(">=", 1.8)
 PACE = Target(">=", 1.0)
 OVERHEAD = Target("<", 0.05)
 GROWTH = Target("<", 1.1)
+MANY = 2000
+"""Short flips over which memory is watched."""
 SPECIFICATION = """
 vary:
   object.friction: {{uniform: [1.2, 2.4]}}
@@ -79,9 +81,9 @@ def sections(repetitions: int, quick: bool) -> Iterator[Section]:
     same = len({run["digest"] for found in runs.values() for run in found}) == 1
     section.checks.append(f"all rows of one and of two processes {'are the same' if same else 'are NOT the same'}")
     yield section
-    yield memory(24 if quick else 500, quick)
+    yield memory(24 if quick else MANY, quick)
     if find_spec("distributed"):
-        yield cluster.measure(100 if quick else cluster.TRIALS, whole.median)
+        yield cluster.measure(quick, whole.median)
 
 
 def memory(trials: int, quick: bool) -> Section:

@@ -128,9 +128,8 @@ class DaskWorkers(Workers):
         return sum(self._client.nthreads().values()) if self.alive() else 0
 
     def batch_seconds(self, width: int) -> float:
-        """The longer, the more workers: together they end `BATCHES_A_SECOND`."""
-        least, most = BATCH_SECONDS
-        return min(max(width / BATCHES_A_SECOND, least), most)
+        """As of a cluster of so many."""
+        return batch_seconds(width)
 
     def alive(self) -> bool:
         """Whether the scheduler is there."""
@@ -146,6 +145,12 @@ class DaskWorkers(Workers):
         if other := [worker for worker, version in by_worker.items() if version != code_version(SOURCES)]:
             text = f"{', '.join(other)} has other code or versions than this process; valid are {valid}"
             raise _refusal(address, text, valid)
+
+
+def batch_seconds(width: int) -> float:
+    """How long a batch should take on a cluster: the more workers, the longer; all end `BATCHES_A_SECOND` together."""
+    least, most = BATCH_SECONDS
+    return min(max(width / BATCHES_A_SECOND, least), most)
 
 
 def _refusal(address: str, problem: str, valid: str) -> InputError:

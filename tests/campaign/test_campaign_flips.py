@@ -1,4 +1,4 @@
-"""Real flips: the same rows, to the bit, from one, two and four processes, and after kill -9; Dask: test_cluster."""
+"""Real flips of both engines: the same rows from 1, 2 and 4 processes, and after kill -9; on Dask: test_cluster."""
 
 import json
 import os
@@ -24,6 +24,7 @@ base: {simulation: {hold_time: 0.05, settle_time: 0.05}}
 vary:
   object.friction: {uniform: [0.8, 2.0]}
   arm.link_inertia_scale: {uniform: [0.9, 1.1]}
+  simulation.engine: {choice: [drake, mujoco]}
 sampler: sobol
 trials: 4
 seed: 2
@@ -35,6 +36,11 @@ timeout: 100
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory):
     return contents(run(from_text(TEXT), tmp_path_factory.mktemp("flips"), jobs=1).file)
+
+
+def test_both_engines_fly(undisturbed):
+    assert [row["values"][-1] for row in undisturbed[::2]].count("mujoco") == 2
+    assert all(row["metrics"] for row in undisturbed)
 
 
 def test_a_row_is_what_a_single_flip_measures(undisturbed):

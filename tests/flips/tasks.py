@@ -37,6 +37,17 @@ def die():
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def do(what):
+    """What a trial can do: end well, raise, hang, or end its process."""
+    if what == "raise":
+        raise ZeroDivisionError("a bug")
+    if what == "hang":
+        time.sleep(600)
+    if what == "die":
+        die()
+    return os.getpid()
+
+
 def fly_or_hang(flight, plan):
     if flight.architecture == "pd+ff":
         time.sleep(600)
