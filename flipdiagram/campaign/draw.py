@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from flipdiagram.campaign.specification import Specification
 from flipdiagram.flips.flight import Flight
+from flipdiagram.flips.store import to_json
 
 
 class Draw(NamedTuple):
@@ -22,10 +23,10 @@ class Draw(NamedTuple):
     architecture: str
 
     @property
-    def motion(self) -> tuple[Any, ...]:
-        """The drawn values on which the plan depends, as far as the planner knows them."""
+    def motion(self) -> str:
+        """The drawn values on which the plan depends, as text: one may be a list."""
         dimensions = self.specification.dimensions
-        return tuple(dimensions[k].distribution.value(self.point[k]) for k in self.specification.planned)
+        return to_json([dimensions[k].distribution.value(self.point[k]) for k in self.specification.planned])
 
     def flight(self) -> Flight:
         """The trial's world, checked; raises InputError where it cannot be."""

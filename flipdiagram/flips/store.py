@@ -126,8 +126,8 @@ class Store:
         return None
 
     def put_plans(self, plans: Mapping[str, PackedPlan]) -> None:
-        """Keep plans, or the reasons why there are none, by their keys."""
-        self._insert("INSERT INTO plans VALUES (?, ?, ?)", [(key, *packed) for key, packed in plans.items()])
+        """Keep plans, or the reasons why there are none, by their keys; what is there stays."""
+        self._insert("INSERT OR IGNORE INTO plans VALUES (?, ?, ?)", [(key, *packed) for key, packed in plans.items()])
 
     def put(self, rows: Sequence[PackedRow]) -> None:
         """Keep rows, on the disk when this returns."""

@@ -133,3 +133,13 @@ def test_a_verdict_follows_the_median():
     assert Measurement("slow", [1.0, 3.0, 3.0], target=Target("<", 2.0)).verdict == "missed"
     assert Measurement("factor", [2.0, 2.0], "x", Target(">=", 2.0)).verdict == "met"
     assert Measurement("unjudged", [1.0]).verdict is None
+
+
+def test_a_million_trials_on_paper_are_bound_by_what_is_slowest():
+    from bench.cluster import _on_paper
+
+    alone, batches = {"scheduler": 5e-3, "driver": 4e-3}, {"scheduler": 1e-4, "driver": 2e-4}
+    text = _on_paper(alone, batches, 1.5)
+    assert "25 min" in text and "667 trials a second in batches of 22, 33 s each" in text
+    assert "scheduler 0.32 ms a trial, 22% of a core" in text and text.endswith("bound by the cores")
+    assert _on_paper(alone, alone, 1.5).endswith("bound by the driver or the scheduler")

@@ -1,4 +1,6 @@
-"""Real flips: driver and worker are killed with -9 ten times at random moments, and no row is lost, twice or another."""
+"""Real flips of either engine: driver and worker are killed with -9 ten times at random moments; no row is lost, twice
+or another, and no process stays.
+"""
 
 import os
 import random
@@ -21,7 +23,7 @@ from flipdiagram.flips import child_process
 from flipdiagram.flips.store_file import open_to_read
 
 TEXT = """
-base: {simulation: {hold_time: 0.05, settle_time: 0.02}}
+base: {simulation: {engine: ENGINE, hold_time: 0.05, settle_time: 0.02}}
 vary:
   object.friction: {uniform: [0.5, 2.0]}
   arm.link_inertia_scale: {uniform: [0.9, 1.1]}
@@ -36,22 +38,28 @@ KILLS, ROWS = 10, 20
 PROGRAM = "import sys; from flips.test_kills import kill_all; kill_all(*sys.argv[1:])"
 
 
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory):
-    return contents(run(from_text(TEXT), tmp_path_factory.mktemp("undisturbed"), jobs=2).file)
+def specification(engine):
+    return from_text(TEXT.replace("ENGINE", engine))
 
 
-def test_ten_drivers_and_ten_workers_killed_at_random_moments_change_no_row(tmp_path, undisturbed):
+@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="processes are looked up in /proc")
+@pytest.mark.parametrize("engine", ["drake", "mujoco"])
+def test_ten_drivers_and_ten_workers_killed_at_random_moments_change_no_row(engine, tmp_path):
+    undisturbed = contents(run(specification(engine), tmp_path / "undisturbed", jobs=2).file)
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-    command = [sys.executable, "-c", PROGRAM, str(tmp_path)]
+    command = [sys.executable, "-c", PROGRAM, str(tmp_path), engine]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=HUNG)
     assert done.returncode == 0, done.stderr
-    drivers, workers = map(int, done.stdout.split())
+    drivers, workers, *children = map(int, done.stdout.split())
     assert drivers == workers == KILLS
+    deadline = time.monotonic() + 120
+    while any(map(alive, children)) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert len(children) >= 2 * KILLS and not any(map(alive, children))
     file = tmp_path / "campaign.sqlite"
     kept = finished(file)
     assert 0 < len(kept) < ROWS
-    assert run(from_text(TEXT), tmp_path, jobs=2, resume=True).flown == ROWS - len(kept)
+    assert run(specification(engine), tmp_path, jobs=2, resume=True).flown == ROWS - len(kept)
     assert kept <= finished(file)  # what was there was not flown again
     rows = contents(file)
     names = ("pd", "pd+ff+dob")
@@ -63,13 +71,22 @@ def test_ten_drivers_and_ten_workers_killed_at_random_moments_change_no_row(tmp_
         assert not results.plan("nothing") and len({row.seed for row in results.rows()}) == 10
 
 
-def kill_all(out):
+def alive(pid):
+    """Whether a worker is there."""
+    try:
+        return b"flipdiagram.flips.child_process" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return False
+
+
+def kill_all(out, engine):
     """Ten times: begin the campaign or go on with it, kill -9 one of its workers, then its driver.
 
     Runs in a process of its own without threads, which may fork and has imported everything.  Prints how many drivers
-    and workers were killed.
+    and workers were killed, then the ids of all workers that were seen.
     """
-    dice, specification, folder, kept, drivers = random.Random(6), from_text(TEXT), Path(out), set(), 0
+    dice, flown, folder, kept, drivers = random.Random(6), specification(engine), Path(out), set(), 0
+    seen: set[int] = set()
     killed = folder / "killed"
     killed.touch()
     for turn in range(1, KILLS + 1):
@@ -78,7 +95,7 @@ def kill_all(out):
         if driver == 0:
             with suppress(BaseException):
                 threading.Thread(target=kill_worker, args=(moment, choice, killed), daemon=True).start()
-                run(specification, folder, jobs=2, resume=True)
+                run(flown, folder, jobs=2, resume=True)
             os._exit(0)
         deadline = time.monotonic() + 60
         wanted = len(kept) + dice.randrange(2)
@@ -87,12 +104,15 @@ def kill_all(out):
         ):
             time.sleep(0.02)
         time.sleep(dice.uniform(0.0, 0.4))  # less than a flip
+        seen |= {
+            int(pid) for file in Path(f"/proc/{driver}/task").glob("*/children") for pid in file.read_text().split()
+        }
         os.kill(driver, signal.SIGKILL)
         drivers += os.waitstatus_to_exitcode(os.waitpid(driver, 0)[1]) == -signal.SIGKILL
         now = finished(folder / "campaign.sqlite")
         assert kept <= now, "a row that was there is gone or was written again"
         kept = now
-    print(drivers, count(killed))
+    print(drivers, count(killed), *seen)
 
 
 def kill_worker(moment, choice, killed):
