@@ -27,7 +27,9 @@ from flipdiagram.flips.workers import batch_seconds
 from flipdiagram.scenario.scenario import Scenario
 
 TRIALS, ALONE = 2000, 300
-"""Of a campaign in batches, and of one without."""
+"""For each worker of a campaign in batches, and of one without."""
+IDLE = 3.0
+"""Seconds for which a scheduler is watched that has nothing to do."""
 WORKERS = (1, 2, 4)
 COST = Target("<", 0.3e-3)
 MILLION, CORES = 1_000_000, 1000
@@ -72,7 +74,9 @@ def measure(quick: bool, flip: float) -> Section:
     section = Section("A trial on a Dask cluster, without its flip", TEXT)
     many, few = (200, 40) if quick else (TRIALS, ALONE)
     _, alone = fresh("bench.cluster", str(few), "1", "alone")
-    runs = {count: fresh("bench.cluster", str(many), str(count))[1] for count in WORKERS[: 1 if quick else None]}
+    runs = {
+        count: fresh("bench.cluster", str(count * many), str(count))[1] for count in WORKERS[: 1 if quick else None]
+    }
     _add(section, "one worker, each trial a task of its own", alone)
     for count, run in runs.items():
         _add(section, f"{count} worker{'s' if count > 1 else ''}", run, None if quick else COST)
@@ -87,15 +91,23 @@ def dask_setup(worker: object) -> None:
 
 def _add(section: Section, where: str, run: dict[str, float], target: Target | None = None) -> None:
     section.add(f"{where}: wall time of a trial", [run["wall"]])
-    for name in ("scheduler", "driver", "worker"):
-        section.add(f"{name}: processor time", [run[name]], target=None if name == "worker" else target, indent=1)
+    section.add("scheduler: processor time", [run["scheduler"]], indent=1)
+    section.add("scheduler: beyond an idle one's", [_served(run)], target=target, indent=2)
+    section.add("driver: processor time", [run["driver"]], target=target, indent=1)
+    section.add("worker: processor time", [run["worker"]], indent=1)
+
+
+def _served(run: dict[str, float]) -> float:
+    """What a trial costs the scheduler [s]; it looks round all the time, with nothing to do too."""
+    return max(run["scheduler"] - run["idle"] * run["wall"], 0.0)
 
 
 def _on_paper(alone: dict[str, float], batches: dict[str, float], flip: float) -> str:
     """What a million trials would take; a batch costs what a trial alone does beyond its part in a batch."""
     seconds = batch_seconds(CORES)
     size = min(max(int(seconds / flip), 1), MOST)
-    costs = {name: batches[name] + max(alone[name] - batches[name], 0.0) / size for name in ("scheduler", "driver")}
+    single, many = ({"scheduler": _served(run), "driver": run["driver"]} for run in (alone, batches))
+    costs = {name: many[name] + max(single[name] - many[name], 0.0) / size for name in many}
     shares = ", ".join(
         f"{name} {1e3 * cost:.2g} ms a trial, {CORES / flip * cost:.0%} of a core" for name, cost in costs.items()
     )
@@ -135,7 +147,7 @@ def cluster(folder: Path, count: int) -> Iterator[tuple[str, int, list[int]]]:
 
 
 def campaign(trials: int, count: int) -> dict[str, float]:
-    """Processor times and wall time per trial, from the tenth of the trials on [s]."""
+    """Processor times and wall time per trial, from the tenth on [s]; idle: a scheduler's share of a core before."""
     from bench.cluster import WORK as work  # by the name that workers know, which `__main__` is not
     from flipdiagram.campaign.checks import from_text
     from flipdiagram.campaign.run import run
@@ -153,12 +165,24 @@ def campaign(trials: int, count: int) -> dict[str, float]:
                 clock.append((ended, time.perf_counter(), processor_time(scheduler), time.process_time(), own))
 
         specification = from_text(SPECIFICATION.format(trials=trials))
+        _wait(address, count)
+        begin = processor_time(scheduler)
+        time.sleep(IDLE)
+        idle = (processor_time(scheduler) - begin) / IDLE
         ended = run(specification, Path(name) / "campaign", scheduler=address, work=work, progress=look)
         with open_to_read(ended.file) as results:
             if not all(row.failure == NOTHING for row in results.rows()):
                 raise RuntimeError("trials on the cluster did not end as they should")
     flown, *spent = (b - a for a, b in zip(*clock, strict=True))
-    return dict(zip(("wall", "scheduler", "driver", "worker"), (value / flown for value in spent), strict=True))
+    names = ("wall", "scheduler", "driver", "worker")
+    return dict(zip(names, (value / flown for value in spent), strict=True)) | {"idle": idle}
+
+
+def _wait(address: str, count: int) -> None:
+    from distributed import Client
+
+    with Client(address, set_as_default=False) as client:
+        client.wait_for_workers(count, timeout=START)
 
 
 if __name__ == "__main__":
