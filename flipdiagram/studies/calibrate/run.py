@@ -133,7 +133,7 @@ def _unknowns(
     found = []
     for kept in (population, rejected):
         moved, weight = inference.adjusted(kept, _deviations(worlds, PAPER)[kept.index])
-        found.append([priors.trial_at(u).values for u in inference.quantiles(moved, weight)])
+        found.append([priors.drawn(0, u.tolist(), 0).values for u in inference.quantiles(moved, weight)])
     return [
         {
             "name": dimension.name,

@@ -43,21 +43,20 @@ class Worlds:
             for flight in flights
             if store.outcome(flight.trial, flight.architecture) is None
         }
-        fly_all(missing.values(), self._flying)
+        fly_all(missing.values(), len(missing), self._flying)
         return [self._seen(flights) for flights in asked]
 
     def _flights(self, u: Floats) -> list[Flight]:
         """The flips of a world; none where it cannot be."""
         priors, flights = self._priors, []
-        trial = priors.trial_at(u)
+        trial = priors.drawn(0, u.tolist(), priors.seeds[0])
         for name, start in needed(self._starts):
             there = replace(trial, overrides=trial.overrides | {"task.start_y": start})
             try:
-                truth, believed = priors.truth(there), priors.believed(there)
+                flight = priors.flight(there, name)
             except InputError:
                 return []
-            flight = Flight(0, truth, believed, name, trial.seed, trial.values, there.overrides)
-            flights.append(replace(flight, trial=f"{Flip(truth, name).key} {flight.plan_key}"))
+            flights.append(replace(flight, trial=f"{Flip(flight.truth, name).key} {flight.plan_key}"))
         return flights
 
     def _seen(self, flights: Sequence[Flight]) -> Observation:

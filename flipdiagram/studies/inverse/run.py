@@ -79,7 +79,7 @@ def _record(search: Search, world: World, out: Path, flying: Flying) -> None:
         if (flight := search.flight(world, name)) is not None:
             flights.append(replace(flight, trial=f"recorded {flight.trial}", recording=out / f"{name}.nc"))
             flying.store.forget(flights[-1].trial, name)
-    fly_all(flights, flying)
+    fly_all(flights, len(flights), flying)
 
 
 def _body(worlds: list[World], found: list[World], least: World | None, base: Scenario) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from flipdiagram.campaign.specification import Dimension, Specification, Trial, value_of
+from flipdiagram.campaign.specification import Dimension, Specification, value_of
 from flipdiagram.errors import InputError
 from flipdiagram.flips.driver import Flying, fly_all
 from flipdiagram.flips.flight import Flight
@@ -92,7 +92,7 @@ class Search:
             flights = {str(flight.trial): flight for flight in asked.values() if flight is not None}
             store = self._flying.store
             missing = [flight for flight in flights.values() if store.outcome(flight.trial, name) is None]
-            fly_all(missing, self._flying)
+            fly_all(missing, len(missing), self._flying)
             for k, flight in asked.items():
                 outcome = store.outcome(flight.trial, name) if flight is not None else None
                 outcome = outcome or Outcome(None, "refused: such a world cannot be")
@@ -101,14 +101,11 @@ class Search:
 
     def flight(self, world: World, architecture: str) -> Flight | None:
         """The question of a world under a controller; None where it cannot be."""
-        box = self._box
-        trial: Trial = box.trial_with(world.dimensions, world.values)
         try:
-            truth, believed = box.truth(trial), box.believed(trial)
+            flight = self._box.flight(self._box.trial_with(world.dimensions, world.values), architecture)
         except InputError:
             return None
-        flight = Flight(0, truth, believed, architecture, trial.seed, trial.values, trial.overrides)
-        return replace(flight, trial=f"{Flip(truth, architecture).key} {flight.plan_key}")
+        return replace(flight, trial=f"{Flip(flight.truth, architecture).key} {flight.plan_key}")
 
     def smallest(self, world: World) -> World:
         """The world with as little as possible changed from the base: what is not needed left out, the rest halved.
