@@ -9,12 +9,11 @@ from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
-from pydrake.systems.framework import Context, DiagramBuilder, InputPort, LeafSystem, OutputPort
+from pydrake.systems.framework import Context, DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import Adder
 
 from flipdiagram.arrays import Floats
-from flipdiagram.blocks.friction import JointFriction, stable_transition_velocity
-from flipdiagram.errors import InputError
+from flipdiagram.plants.joint_friction import joint_friction
 from flipdiagram.plants.push import Push
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.parts import Parts, add_parts
@@ -111,23 +110,3 @@ def add_push(builder: DiagramBuilder, scenario: Scenario, parts: Parts, applied:
     push = Push(parts.arm.spatula_body, point, unknown.push, begin, unknown.push_duration)
     builder.AddNamedSystem("push", push)
     builder.Connect(push.get_output_port(), applied)
-
-
-def joint_friction(scenario: Scenario, arm: ArmModel) -> LeafSystem:
-    """The friction box of the scenario, its levels as fractions of each joint's rated torque.
-
-    Raises InputError where the friction would chatter: it acts explicitly, so its slope at rest is limited by the
-    joint's inertia (the diagonal of M at the arm's home pose) and the step.
-    """
-    level = scenario.joint_friction
-    coulomb, viscous = level.coulomb * arm.tau_rated, level.viscous * arm.tau_rated
-    needed = stable_transition_velocity(coulomb, np.diag(arm.mass_matrix(arm.home)), scenario.simulation.step)
-    if np.any(needed > level.transition_velocity):
-        worst = int(np.argmax(needed))
-        v_s, field = level.transition_velocity, "joint_friction.transition_velocity"
-        message = (
-            f"scenario field '{field}' = {v_s} rad/s makes joint {arm.joint_names[worst]} chatter at this step and"
-            f" level; valid is at least {needed[worst]:.4f} rad/s"
-        )
-        raise InputError(message, field=field, value=v_s, valid=needed[worst])
-    return JointFriction(coulomb, viscous, np.full(arm.n_joints, level.transition_velocity))

@@ -6,6 +6,8 @@ The sources of the defaults are marked as in `scenario.py`: (p) the paper; (H) (
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field, model_validator
 
 from flipdiagram.scenario.text import Section, invalid, quantity
@@ -70,13 +72,28 @@ class Arm(Section):
 class JointFriction(Section):
     """Friction of the joints, unknown to the controller; levels as fractions of each joint's rated torque.
 
-    Harmonic drives of this size lose 5-20 % of the rated torque to Coulomb friction; 10 % is the middle (o).
+    Harmonic drives of this size lose 5-20 % of the rated torque to Coulomb friction; 10 % is the middle (o).  That they
+    break away above it, and bend before, is known (L); how much is our guess.
     """
 
+    model: Literal["tanh", "elasto-plastic"] = Field(
+        "tanh",
+        description="tanh: a regularised sign, which creeps under load; elasto-plastic: it sticks, and breaks away"
+        " above the sliding friction",
+    )
     coulomb: float = quantity(0.10, "rated torque", "Coulomb friction, fraction of rated torque", ge=0)
     viscous: float = quantity(0.033, "rated torque per rad/s", "viscous friction, fraction of rated torque", ge=0)
     transition_velocity: float = quantity(
         0.06, "rad/s", "velocity over which the Coulomb friction changes sign (tanh)", gt=0
+    )
+    breakaway: float = quantity(
+        1.5, "1", "friction at which a stuck joint breaks away, over Coulomb friction (elasto-plastic) (o)", ge=1
+    )
+    stribeck_velocity: float = quantity(
+        0.05, "rad/s", "over which the friction falls from the one to the other (elasto-plastic) (o)", gt=0
+    )
+    presliding: float = quantity(
+        5e-4, "rad", "how far a stuck joint bends before it breaks away (elasto-plastic) (o)", gt=0
     )
 
 

@@ -199,7 +199,8 @@ class Simulation(Section):
     dissipation: float = quantity(20.0, "s/m", "Hunt-Crossley dissipation of the block (o)", ge=0)
     start: Literal["equilibrium", "hold", "switch-on"] = Field(
         "equilibrium",
-        description="before the motion: equilibrium: as an endless hold of the start pose ends; hold: at rest there,"
+        description="before the motion: equilibrium: as an endless hold of the start pose ends, joints that stick"
+        " unloaded by their friction; hold: at rest there,"
         " the observer at zero, then held for hold_time; switch-on: the same, and the motion begins at once",
     )
     hold_time: float | None = quantity(

@@ -39,6 +39,7 @@ from flipdiagram.blocks.observer import DisturbanceObserver
 from flipdiagram.blocks.pd import ProportionalDerivative
 from flipdiagram.blocks.receding_horizon import RecedingHorizonController, Timing
 from flipdiagram.blocks.sensors import Encoder, PseudoDerivative
+from flipdiagram.blocks.sticking import ElastoPlasticFriction
 from flipdiagram.blocks.tool_kinematics import ToolKinematics
 from flipdiagram.blocks.torque_limit import TorqueLimit
 from flipdiagram.errors import InputError
@@ -133,6 +134,9 @@ SYSTEMS = {
     "observer matrix": lambda: DisturbanceObserver([20.0, 30.0], [[1.0, 0.1], [0.1, 2.0]], 0.01),
     "limit": lambda: TorqueLimit([0.1, 5.0]),
     "friction": lambda: JointFriction([1.0, 2.0], [0.1, 0.2], [0.3, 0.4]),
+    "sticking": lambda: ElastoPlasticFriction(
+        [1.0, 2.0], [1.5, 1.2], [0.1, 0.2], [0.3, 0.4], [2.0, 3.0], [0.1, 0.2], 0.01
+    ),
     "encoder": lambda: Encoder([0.01, 0.0]),
     "derivative": lambda: PseudoDerivative([20.0, 30.0], 0.01),
     "inverse jacobian": lambda: InverseJacobian(DiagonalArm(), 2, 2),
@@ -249,6 +253,8 @@ def set_state(block: Any, context: Any, seed: int) -> None:
             X_WB = parts.arm.control_point.CalcPoseInWorld(plant.CreateDefaultContext())
             block.put(context, arm_of(Scenario()).home, RigidTransform([0.0, 0.0, -1e-5 * (1 + seed)]) @ X_WB)
         else:
+            if of_class(block, ElastoPlasticFriction):
+                state *= [10.0, 0.1]  # the first joint slides, the second sticks
             context.SetDiscreteState(np.floor(100 * state) if counts else state)
     if context.num_abstract_states():
         block.set_plan(context, replace(plan(), states=plan().states + 0.1 * seed, solve_time=0.1 + seed))

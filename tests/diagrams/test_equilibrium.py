@@ -67,6 +67,15 @@ def test_nothing_moves_before_the_motion_starts():
         np.testing.assert_allclose(lifted, weight, rtol=1e-3)
 
 
+def test_joints_that_stick_start_unloaded_and_stay():
+    """What rests is a range where joints stick; of it the run takes what an endless hold without friction ends in."""
+    sticking = Scenario().with_overrides({"joint_friction.model": "elasto-plastic"})
+    loop = build_loop(sticking, "pd+dob")
+    np.testing.assert_array_equal(loop.equilibrium.q, build_loop(Scenario(), "pd+dob").equilibrium.q)
+    q, _, _ = state_after(loop, 0.09)
+    np.testing.assert_allclose(q, loop.equilibrium.q, atol=1e-7)
+
+
 def test_noise_and_rounding_do_not_move_the_equilibrium():
     """It is that of a sensor without error; the encoder's steps would leave no solution."""
     plain = build_loop(Scenario(), "pd+ff+dob").equilibrium.q

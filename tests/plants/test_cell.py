@@ -170,3 +170,35 @@ def test_friction_that_would_chatter_is_refused():
     scenario = Scenario().with_overrides({"joint_friction.transition_velocity": 0.001})
     with pytest.raises(InputError, match=r"transition_velocity' = 0.001 .* valid is at least"):
         Bench(scenario)
+
+
+STICKING = {"joint_friction.model": "elasto-plastic"}
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"joint_friction.presliding": 1e-5}, r"presliding' = 1e-05 rad makes joint T chatter .* valid is at least"),
+        ({"joint_friction.viscous": 3.0}, r"viscous' = 3.0 is unstable at this step; valid is below"),
+    ],
+)
+def test_sticking_that_would_chatter_is_refused(fields, message):
+    with pytest.raises(InputError, match=message):
+        Bench(Scenario().with_overrides(STICKING | fields))
+
+
+def test_the_smallest_presliding_that_is_valid_does_not_chatter_and_the_arm_comes_to_rest():
+    """All joints coupled, the smallest inertia included: struck, they come to rest, bent by what loads them."""
+    with pytest.raises(InputError) as caught:
+        Bench(Scenario().with_overrides(STICKING | {"joint_friction.presliding": 1e-6}))
+    gentle = {"joint_friction.presliding": 1.001 * caught.value.valid, "joint_friction.coulomb": 0.1}
+    scenario = Scenario().with_overrides(STICKING | gentle)
+    arm = arm_of(scenario)
+    bench = Bench(scenario, arm.gravity_torque(Bench(scenario).q) + 0.4 * 0.1 * arm.tau_rated)
+    simulator = bench.start(RigidTransform([0.5, 0, 50.0]), lock=False)
+    bench.cell.plant.SetVelocities(bench.context, bench.cell.parts.arm.arm, np.full(6, 0.05))
+    moved = []
+    for k in range(1, 60):
+        simulator.AdvanceTo(0.01 * k)
+        moved.append(np.abs(bench.cell.plant.GetVelocities(bench.context, bench.cell.parts.arm.arm)).max())
+    assert moved[-1] < 1e-9 < moved[0]

@@ -12,7 +12,7 @@ from flipdiagram.cli.options import split_overrides
 from flipdiagram.errors import InputError
 from flipdiagram.flips.outcome import Outcome
 from flipdiagram.planning import plan_motion
-from flipdiagram.plants.handle import joint_friction
+from flipdiagram.plants.joint_friction import joint_friction
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.scenario.yaml_reader import parse_value
 from flipdiagram.simulation import metrics

@@ -1,0 +1,55 @@
+"""The friction of the joints that a scenario asks for, stable at its step."""
+
+import numpy as np
+from pydrake.systems.framework import LeafSystem
+
+from flipdiagram.arrays import Floats
+from flipdiagram.blocks.friction import JointFriction, stable_transition_velocity
+from flipdiagram.blocks.sticking import ElastoPlasticFriction, presliding_damping, stable_presliding
+from flipdiagram.errors import InputError
+from flipdiagram.robot.arm import ArmModel
+from flipdiagram.scenario.scenario import Scenario
+
+
+def joint_friction(scenario: Scenario, arm: ArmModel) -> LeafSystem:
+    """The friction box of the scenario, its levels as fractions of each joint's rated torque.
+
+    Raises InputError where the friction would chatter: it acts explicitly, so its slope at rest is limited by the
+    joint's inertia, M at the arm's home pose, and the step.
+    """
+    level, step = scenario.joint_friction, scenario.simulation.step
+    coulomb, viscous = level.coulomb * arm.tau_rated, level.viscous * arm.tau_rated
+    M = arm.mass_matrix(arm.home)
+    if level.model == "tanh":
+        needed = stable_transition_velocity(coulomb, np.diag(M), step)
+        _require(needed, "transition_velocity", level.transition_velocity, "rad/s", arm)
+        return JointFriction(coulomb, viscous, np.full(arm.n_joints, level.transition_velocity))
+    breakaway, presliding = np.full(arm.n_joints, level.breakaway), np.full(arm.n_joints, level.presliding)
+    inertia = _least_inertia(M)
+    if np.any(step * viscous >= inertia):
+        limit = float(np.min(inertia / (step * arm.tau_rated)))
+        field = "joint_friction.viscous"
+        message = f"scenario field '{field}' = {level.viscous} is unstable at this step; valid is below {limit:.4g}"
+        raise InputError(message, field=field, value=level.viscous, valid=limit)
+    needed = stable_presliding(breakaway * coulomb, viscous, inertia, step)
+    _require(needed, "presliding", level.presliding, "rad", arm)
+    damping = presliding_damping(breakaway * coulomb, presliding, inertia)
+    stribeck = np.full(arm.n_joints, level.stribeck_velocity)
+    return ElastoPlasticFriction(coulomb, breakaway, viscous, stribeck, presliding, damping, step)
+
+
+def _least_inertia(M: Floats) -> Floats:
+    """The largest J (n,) in the ratios of M's diagonal for which M - diag(J) is positive semidefinite [kg m^2]."""
+    diagonal = np.diag(M)
+    return np.linalg.eigvalsh(M / np.sqrt(np.outer(diagonal, diagonal)))[0] * diagonal
+
+
+def _require(needed: Floats, field: str, value: float, unit: str, arm: ArmModel) -> None:
+    if np.all(needed <= value):
+        return
+    worst, path = int(np.argmax(needed)), f"joint_friction.{field}"
+    message = (
+        f"scenario field '{path}' = {value} {unit} makes joint {arm.joint_names[worst]} chatter at this step and"
+        f" level; valid is at least {needed[worst]:.4{'f' if unit == 'rad/s' else 'g'}} {unit}"
+    )
+    raise InputError(message, field=path, value=value, valid=needed[worst])
