@@ -7,13 +7,14 @@ from functools import cached_property
 import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, OutputPort
-from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
+from pydrake.systems.primitives import VectorLogSink
 
 from flipdiagram.arrays import Floats
 from flipdiagram.blocks.camera import Camera
 from flipdiagram.blocks.mpc import COMMANDS, ModelPredictiveController
 from flipdiagram.blocks.receding_horizon import RecedingHorizonController, Timing
 from flipdiagram.diagrams.controller import ControllerBoxes, add_controller
+from flipdiagram.diagrams.drive import Drive, add_drive
 from flipdiagram.diagrams.equilibrium import Equilibrium, equilibrium, no_equilibrium
 from flipdiagram.diagrams.native_controller import NativeController, add_native_controller
 from flipdiagram.diagrams.replacement import Box, build_diagram
@@ -52,6 +53,7 @@ class Loop:
     arm: ArmModel
     mpc: ModelPredictiveController
     sensing: Sensing
+    drive: Drive
     boxes: Controller
     cell: Cell
     q_start: Floats
@@ -71,8 +73,8 @@ class Loop:
         """Where an endless hold of the start pose ends; raises NoEquilibriumError where it ends nowhere."""
         context = self.diagram.CreateDefaultContext()
         self.sensing.without_error(context)
-        found = equilibrium(self.boxes.systems, self._tau, context, self._stand, self.cell.holding_torque, self.q_start)
-        weak = np.abs(self.cell.holding_torque(found.q)) >= self.arm.tau_max * (1 - SATURATED)
+        found = equilibrium(self.boxes.systems, self._tau, context, self._stand, self._holding_torque, self.q_start)
+        weak = np.abs(self._holding_torque(found.q)) >= self.arm.tau_max * (1 - SATURATED)
         if weak.any():
             joint = int(np.argmax(weak))
             limit = f"{self.arm.tau_max[joint]:.3g} N m"
@@ -92,9 +94,7 @@ class Loop:
         if self.scenario.simulation.start == "equilibrium":
             self._stand(context, self.equilibrium.q)
             self.equilibrium.put(self.boxes.systems, context)
-            if self.diagram.HasSubsystemNamed("hold"):  # it has sent this torque for long
-                hold = self.diagram.GetSubsystemByName("hold").GetMyMutableContextFromRoot(context)
-                hold.SetDiscreteState(self._tau.Eval(self._tau.get_system().GetMyContextFromRoot(context)))
+            self.drive.have_sent(context, self._tau.Eval(self._tau.get_system().GetMyContextFromRoot(context)))
         if plan is not None:
             self.mpc.set_plan(self.mpc.GetMyMutableContextFromRoot(context), plan)
         return context
@@ -104,6 +104,9 @@ class Loop:
         tau = self.boxes.output("tau")
         assert tau is not None
         return tau
+
+    def _holding_torque(self, q: Floats) -> Floats:
+        return self.cell.holding_torque(q) - self.drive.ripple(q)
 
     def _stand(self, context: Context, q: Floats) -> None:
         self.cell.stand(context, q)
@@ -148,7 +151,7 @@ def build_loop(
     builder = DiagramBuilder()
     mpc = builder.AddNamedSystem("mpc", _mpc(scenario, motion, start, planner or motion.plan))
     cell = ENGINES[scenario.simulation.engine](builder, scenario, arm, start.q)
-    seen = add_sensing(builder, scenario, cell.q, cell.qd, start.q, offset)
+    seen = add_sensing(builder, scenario, arm, cell.q, cell.qd, start.q, offset)
     signals = {**{name: mpc.GetOutputPort(name) for name in COMMANDS}, "q": seen.q, "qd": seen.qd}
     boxes: Controller
     if native:
@@ -158,18 +161,17 @@ def build_loop(
     if isinstance(mpc, RecedingHorizonController):
         _close_horizon(builder, scenario, mpc, cell, boxes, seen.q)
     tau = boxes.output("tau")
-    if fine:
-        hold = builder.AddNamedSystem("hold", ZeroOrderHold(period, arm.n_joints, offset))
-        builder.Connect(tau, hold.get_input_port())
-        tau = hold.get_output_port()
-    builder.Connect(tau, cell.tau)
+    drive = add_drive(builder, scenario, arm, tau, cell.q, offset)
+    builder.Connect(drive.tau, cell.tau)
 
-    logs = _record(builder, mpc, boxes, cell, seen, tau, period) if record else {}
+    logs = _record(builder, mpc, boxes, cell, seen, drive.sent, period) if record else {}
     if meshcat is not None:
         cell.show(builder, meshcat)
     diagram = build_diagram(builder, replace)
     diagram.set_name(architecture)
-    return Loop(diagram, scenario, architecture, arm, mpc, seen, boxes, cell, start.q, logs, tuple(replace or ()))
+    return Loop(
+        diagram, scenario, architecture, arm, mpc, seen, drive, boxes, cell, start.q, logs, tuple(replace or ())
+    )
 
 
 def _record(

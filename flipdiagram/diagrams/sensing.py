@@ -9,6 +9,7 @@ from flipdiagram.arrays import Floats
 from flipdiagram.blocks.delay import Delay
 from flipdiagram.blocks.noise import SensorNoise
 from flipdiagram.blocks.sensors import Encoder, PseudoDerivative
+from flipdiagram.robot.arm import ArmModel
 from flipdiagram.scenario.scenario import Scenario
 
 
@@ -38,10 +39,17 @@ class Sensing:
 
 
 def add_sensing(
-    builder: DiagramBuilder, scenario: Scenario, q: OutputPort, qd: OutputPort, q_start: Floats, offset: float
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    arm: ArmModel,
+    q: OutputPort,
+    qd: OutputPort,
+    q_start: Floats,
+    offset: float,
 ) -> Sensing:
     """Add the sensors of a scenario behind the ports q and qd of a cell; offset [s], that of the sampled boxes.
 
+    Raises InputError where an encoder on the motor's side needs gear ratios that nobody gives.
     The encoder rounds angles that are noisy already.  Noise of the velocities comes before their delay, or after the
     filter where there is one: it belongs to the velocity, however that is measured.
     """
@@ -59,8 +67,8 @@ def add_sensing(
         return through(SensorNoise(np.full(n, deviation), sensors.noise_seed, period, offset, stream), name, signal)
 
     seen.q = noisy(q, "position_noise", sensors.position_noise, 0)
-    if sensors.encoder_resolution > 0:
-        seen.q = through(Encoder(np.full(n, sensors.encoder_resolution)), "encoder", seen.q)
+    if sensors.encoder_resolution > 0 or sensors.encoder_bits is not None:
+        seen.q = through(Encoder(encoder_resolution(scenario, arm)), "encoder", seen.q)
     if sensors.delay > 0:
         seen.q = through(Delay(n, sensors.delay, period, offset, q_start), "delayed_q", seen.q)
     if sensors.velocity_cutoff is not None:
@@ -70,3 +78,11 @@ def add_sensing(
     if sensors.velocity_cutoff is None and sensors.delay > 0:
         seen.qd = through(Delay(n, sensors.delay, period, offset), "delayed_qd", seen.qd)
     return seen
+
+
+def encoder_resolution(scenario: Scenario, arm: ArmModel) -> Floats:
+    """Step of the encoders, seen at the joints (n,) [rad]: 2 pi / (2^bits ratio) of one on the motor's side."""
+    sensors = scenario.sensors
+    if sensors.encoder_bits is None:
+        return np.full(arm.n_joints, sensors.encoder_resolution)
+    return 2 * np.pi / (2.0**sensors.encoder_bits * arm.gear_ratios("sensors.encoder_bits"))

@@ -56,6 +56,11 @@ class ArmModel:
         self.qd_max = np.array(plant.GetVelocityUpperLimits(), dtype=float)
         self.tau_max = np.array(plant.GetEffortUpperLimits(), dtype=float)
         self.tau_rated = np.array([handles.rated_torques[name] for name in self.joint_names])
+        actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
+        ratios = {actuator.joint().name(): actuator.default_gear_ratio() for actuator in actuators}
+        of_file = [ratios.get(name, 1.0) for name in self.joint_names]
+        given = spec.arm.gear_ratios if spec is not None else None
+        self._gear_ratios = np.array(of_file if given is None else given)
         self._bind(plant, float)
         self.knows_home = handles.home is not None
         home = handles.home or dict(zip(self.joint_names, (self.q_min + self.q_max) / 2, strict=True))
@@ -69,6 +74,17 @@ class ArmModel:
         self._control_point = plant.get_frame(self.handles.control_point.index())
         self._forces = MultibodyForces_[scalar](plant)
         self._zero3 = np.zeros(3)
+
+    def gear_ratios(self, field: str) -> Array:
+        """Turns of each motor per turn of its joint (n,) [1], for a field that needs them.
+
+        Raises InputError, naming the field, where neither the arm's file nor the scenario gives them: a reader of files
+        takes 1 where there is none.
+        """
+        if np.all(self._gear_ratios == 1.0):
+            valid = f"arm.gear_ratios with one per joint, {' '.join(self.joint_names)}, or a file that has them"
+            raise InputError(f"{field} needs the gear ratios of the arm; valid is {valid}", field=field, valid=valid)
+        return self._gear_ratios
 
     def to_scalar(self, scalar: Any) -> "ArmModel":
         """The same arm over float, AutoDiffXd or Expression, with a Context of its own."""

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from flipdiagram.scenario.text import Section, invalid, quantity
 
-OWN_ARM = ("home", "torque_limits", "speed_limits", "reflected_inertia")
+OWN_ARM = ("home", "torque_limits", "speed_limits", "reflected_inertia", "gear_ratios")
 """Fields of `Arm` with one number per joint of the user's own arm."""
 JOINTS = ("S", "L", "U", "R", "B", "T")
 
@@ -39,6 +39,9 @@ class Arm(Section):
     reflected_inertia: tuple[float, ...] | None = quantity(
         None, "kg m2", "rotor and gear of each joint, seen at the joint; null: the file's; another arm only"
     )
+    gear_ratios: tuple[float, ...] | None = quantity(
+        None, "1", "turns of each motor per turn of its joint; null: the file's; another arm only"
+    )
     link_inertia_scale: float = quantity(1.0, "1", "factor on every link's mass and inertia (our estimates)", gt=0)
     reflected_inertia_scale: float = quantity(
         2.0, "1", "factor on the reflected rotor inertias; 2 counts the harmonic drives as much as the rotors (L)", ge=0
@@ -60,6 +63,7 @@ class Arm(Section):
             "torque_limits",
             "speed_limits",
             "reflected_inertia",
+            "gear_ratios",
         )
         self.require_positive(per_joint, "a number above 0 for each joint, or null")
         if self.file is None:

@@ -20,6 +20,7 @@ from pydantic import Field, model_validator
 
 from flipdiagram.errors import ScenarioError
 from flipdiagram.scenario.cell import JOINTS, Arm, Disturbance, JointFriction, Object, Table, Tool
+from flipdiagram.scenario.joints import Drive, Sensors, check_delay
 from flipdiagram.scenario.one_dof import Frequency, OneDof, check_nyquist
 from flipdiagram.scenario.place import Place
 from flipdiagram.scenario.text import Section, dump, fields_of, invalid, override, quantity, validate
@@ -159,27 +160,6 @@ class Controller(Section):
         return self
 
 
-class Sensors(Section):
-    """What the controller sees of the joints."""
-
-    encoder_resolution: float = quantity(0.0, "rad", "quantisation of the joint angles; 0: none", ge=0)
-    velocity_cutoff: float | None = quantity(
-        None, "rad/s", "g_v of the pseudo-derivative g_v s/(s + g_v); null: exact velocity", gt=0
-    )
-    camera_period: float | None = quantity(
-        None, "s", "how often a camera sees where the object lies on the blade; null: no camera", gt=0
-    )
-    camera_delay: float = quantity(0.02, "s", "age of what it reports", ge=0)
-    camera_noise: float = quantity(0.0005, "m", "standard deviation of what it reports", ge=0)
-    camera_seed: int = quantity(0, "1", "seed of that noise", ge=0)
-    delay: int = quantity(0, "periods", "delay of q and qd, in periods of the controller", ge=0, le=1000)
-    position_noise: float = quantity(
-        0.0, "rad", "standard deviation of the noise of the joint angles, drawn anew each period; 0: none", ge=0
-    )
-    velocity_noise: float = quantity(0.0, "rad/s", "the same of the joint velocities, measured or derived", ge=0)
-    noise_seed: int = quantity(0, "1", "seed of both", ge=0)
-
-
 class Simulation(Section):
     """The physics and how long it runs."""
 
@@ -225,6 +205,7 @@ class Scenario(Section):
 
     arm: Arm = Arm()
     joint_friction: JointFriction = JointFriction()
+    drive: Drive = Drive()
     tool: Tool = Tool()
     object: Object = Object()
     table: Table = Table()
@@ -245,6 +226,7 @@ class Scenario(Section):
             valid = f"a number above 0 [kg m2] for each joint {' '.join(JOINTS)}, or null"
             raise invalid("controller.nominal_inertia", values, valid)
         check_nyquist(self.one_dof, self.frequency)
+        check_delay(self.drive, self.controller.period)
         ratio = self.controller.period / self.simulation.step
         if ratio < 1 or not math.log2(ratio).is_integer():
             # other ratios make Drake split one instant into two ordered events

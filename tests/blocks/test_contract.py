@@ -38,6 +38,7 @@ from flipdiagram.blocks.noise import SensorNoise
 from flipdiagram.blocks.observer import DisturbanceObserver
 from flipdiagram.blocks.pd import ProportionalDerivative
 from flipdiagram.blocks.receding_horizon import RecedingHorizonController, Timing
+from flipdiagram.blocks.ripple import TorqueRipple
 from flipdiagram.blocks.sensors import Encoder, PseudoDerivative
 from flipdiagram.blocks.sticking import ElastoPlasticFriction
 from flipdiagram.blocks.tool_kinematics import ToolKinematics
@@ -137,6 +138,7 @@ SYSTEMS = {
     "sticking": lambda: ElastoPlasticFriction(
         [1.0, 2.0], [1.5, 1.2], [0.1, 0.2], [0.3, 0.4], [2.0, 3.0], [0.1, 0.2], 0.01
     ),
+    "ripple": lambda: TorqueRipple([0.1, 0.2], [3.0, 4.0]),
     "encoder": lambda: Encoder([0.01, 0.0]),
     "derivative": lambda: PseudoDerivative([20.0, 30.0], 0.01),
     "inverse jacobian": lambda: InverseJacobian(DiagonalArm(), 2, 2),

@@ -73,6 +73,8 @@ def another(path):
         "disturbance.payload": 0.1,
         "controller.gravity_compensation": 0.5,
         "sensors.encoder_resolution": 1e-4,
+        "sensors.encoder_bits": 13,
+        "drive.delay": 0.002,
     }
     if path in special:
         return special[path]
@@ -88,7 +90,10 @@ def another(path):
     return value + 1 if isinstance(value, int) else 1.01 * value + (0.001 if value == 0 else 0.0)
 
 
-OWN_ARM = ("base", "flange", "base_pose", "mount_angle", "home", "torque_limits", "speed_limits", "reflected_inertia")
+OWN_ARM = (
+    *("base", "flange", "base_pose", "mount_angle", "home", "torque_limits"),
+    *("speed_limits", "reflected_inertia", "gear_ratios"),
+)
 """Fields that are refused without an arm of the user's own."""
 PATHS = [path for path in field_paths() if path not in FILES and path not in [f"arm.{name}" for name in OWN_ARM]]
 UNUSED = ("one_dof", "frequency")
@@ -139,9 +144,9 @@ def test_the_plan_key_changes_with_the_sections_of_the_plan_alone():
 def test_a_plan_depends_on_the_sections_of_the_plan_alone():
     """All other fields changed at once, the states are the same to the bit."""
     changes = {path: another(path) for path in PATHS if path.split(".")[0] not in (*PLAN_SECTIONS, *UNUSED)}
-    changes |= {"joint_friction.transition_velocity": 0.1, "controller.period": 0.001}
+    changes |= {"joint_friction.transition_velocity": 0.1, "controller.period": 0.001, "sensors.encoder_bits": None}
     other = Scenario().with_overrides(changes)
-    for section in ("joint_friction", "disturbance", "controller", "sensors", "simulation"):
+    for section in ("joint_friction", "drive", "disturbance", "controller", "sensors", "simulation"):
         assert getattr(other, section) != getattr(Scenario(), section)
     one, two = default_plan(), plan_motion(other)
     for name, value in vars(one).items():

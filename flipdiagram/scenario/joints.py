@@ -1,0 +1,76 @@
+"""The sections of a scenario that describe what lies between controller and joints: drives and sensors.
+
+The sources of the defaults are marked as in `scenario.py`.
+"""
+
+from __future__ import annotations
+
+from pydantic import model_validator
+
+from flipdiagram.scenario.text import Section, invalid, quantity
+
+MOST_PERIODS = 1000
+"""Longest delay of the torque, in periods of the controller."""
+
+
+class Drive(Section):
+    """How the torque of the motors differs from the one that the controller sends; by default it does not."""
+
+    ripple: float = quantity(
+        0.0, "rated torque", "amplitude of the torque ripple, fraction of rated torque; 0: none", ge=0, le=1
+    )
+    ripple_cycles: float = quantity(
+        2.0,
+        "1/turn",
+        "periods of the ripple in a turn of the motor; 2: the wave generator of a harmonic drive (o)",
+        gt=0,
+    )
+    delay: float = quantity(
+        0.0, "s", "of the torque behind what the controller sends, whole periods of the controller; 0: none", ge=0
+    )
+
+    def delay_periods(self, period: float) -> int:
+        """The delay in periods of the controller [s]."""
+        return round(self.delay / period)
+
+
+class Sensors(Section):
+    """What the controller sees of the joints."""
+
+    encoder_resolution: float = quantity(0.0, "rad", "quantisation of the joint angles; 0: none", ge=0)
+    encoder_bits: int | None = quantity(
+        None,
+        "bit",
+        "of an encoder on the motor's side of the gear, 2^bits steps per turn of the motor (H: 13 to 16); null: none",
+        ge=1,
+        le=32,
+    )
+    velocity_cutoff: float | None = quantity(
+        None, "rad/s", "g_v of the pseudo-derivative g_v s/(s + g_v); null: exact velocity", gt=0
+    )
+    camera_period: float | None = quantity(
+        None, "s", "how often a camera sees where the object lies on the blade; null: no camera", gt=0
+    )
+    camera_delay: float = quantity(0.02, "s", "age of what it reports", ge=0)
+    camera_noise: float = quantity(0.0005, "m", "standard deviation of what it reports", ge=0)
+    camera_seed: int = quantity(0, "1", "seed of that noise", ge=0)
+    delay: int = quantity(0, "periods", "delay of q and qd, in periods of the controller", ge=0, le=1000)
+    position_noise: float = quantity(
+        0.0, "rad", "standard deviation of the noise of the joint angles, drawn anew each period; 0: none", ge=0
+    )
+    velocity_noise: float = quantity(0.0, "rad/s", "the same of the joint velocities, measured or derived", ge=0)
+    noise_seed: int = quantity(0, "1", "seed of both", ge=0)
+
+    @model_validator(mode="after")
+    def _one_encoder(self) -> Sensors:
+        if self.encoder_bits is not None and self.encoder_resolution > 0:
+            raise invalid("encoder_bits", self.encoder_bits, "null where sensors.encoder_resolution is above 0")
+        return self
+
+
+def check_delay(drive: Drive, period: float) -> None:
+    """For a validator: the delay is a whole number of periods of the controller [s]."""
+    periods = drive.delay_periods(period) if drive.delay / period <= MOST_PERIODS else -1
+    if periods < 0 or abs(drive.delay / period - periods) > 1e-6:
+        valid = f"a multiple of controller.period = {period} [s], at most {MOST_PERIODS} of them"
+        raise invalid("drive.delay", drive.delay, valid)
