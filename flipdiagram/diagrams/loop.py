@@ -95,6 +95,8 @@ class Loop:
             self._stand(context, self.equilibrium.q)
             self.equilibrium.put(self.boxes.systems, context)
             self.drive.have_sent(context, self._tau.Eval(self._tau.get_system().GetMyContextFromRoot(context)))
+        elif self.cell.parts.gears is not None:
+            self._stand(context, self.q_start)  # brakes hold the rotors: the gears carry the arm already
         if plan is not None:
             self.mpc.set_plan(self.mpc.GetMyMutableContextFromRoot(context), plan)
         return context

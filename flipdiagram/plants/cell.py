@@ -1,5 +1,6 @@
 """The robot cell of section IV: arm, spatula, block and table in one MultibodyPlant, with joint friction."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,8 +8,8 @@ from pydrake.common.value import Value
 from pydrake.geometry import Meshcat, MeshcatVisualizer, SceneGraph
 from pydrake.multibody.plant import AddMultibodyPlant, ContactResults, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import BodyIndex
-from pydrake.systems.framework import Context, DiagramBuilder
-from pydrake.systems.primitives import Demultiplexer
+from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import Adder, Demultiplexer
 
 from flipdiagram.arrays import Floats
 from flipdiagram.blocks.block import Block
@@ -28,7 +29,7 @@ class DrakeCell(Cell):
         """See `Cell`."""
         plant, X_TB = self.plant, self._block_on_blade
         context = plant.GetMyMutableContextFromRoot(context)
-        plant.SetPositions(context, self.parts.arm.arm, q)
+        self.put_arm(context, q)
         plant.SetVelocities(context, np.zeros(plant.num_velocities()))
         plant.SetFreeBodyPose(context, self.parts.block, self.parts.arm.tool.CalcPoseInWorld(context) @ X_TB)
 
@@ -112,6 +113,10 @@ def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start
     state = builder.AddNamedSystem("joint_state", Demultiplexer([arm.n_joints] * 2))
     contact = builder.AddNamedSystem("contact_forces", ContactForces(plant, parts))
     builder.Connect(plant.get_state_output_port(parts.arm.arm), state.get_input_port())
+    link, of_links = state, tuple[str, ...]()
+    if parts.gears is not None:
+        models = parts.arm.arm, parts.gears.model
+        link, of_links = _add_link_state(builder, [plant.get_state_output_port(m) for m in models], arm.n_joints)
     torque = add_joint_torque(builder, scenario, arm, state.get_output_port(1))
     builder.Connect(torque.get_output_port(), plant.get_actuation_input_port(parts.arm.arm))
     builder.Connect(plant.get_contact_results_output_port(), contact.get_input_port())
@@ -123,10 +128,25 @@ def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start
         tau=torque.get_input_port(0),
         q=state.get_output_port(0),
         qd=state.get_output_port(1),
+        q_link=link.get_output_port(0),
+        qd_link=link.get_output_port(1),
         block=plant.get_state_output_port(parts.block.model_instance()),
         poses=plant.get_body_poses_output_port(),
         contact_wrench=contact.get_output_port(),
-        systems=("robot", "scene_graph", "joint_friction", "joint_torque", "joint_state", "contact_forces"),
+        systems=("robot", "scene_graph", "joint_friction", "joint_torque", "joint_state", "contact_forces", *of_links),
         engine=f"Drake, step {1e3 * settings.step:g} ms, {settings.contact_model}, {settings.contact_approximation}",
         scene_graph=scene_graph,
     )
+
+
+def _add_link_state(
+    builder: DiagramBuilder, states: Sequence[OutputPort], n: int
+) -> tuple[Demultiplexer, tuple[str, ...]]:
+    """Add angles and speeds of the links, the sum of the states of joints and gears (2 n,); and the boxes' names."""
+    names = "link_sum", "link_state"
+    total = builder.AddNamedSystem(names[0], Adder(len(states), 2 * n))
+    for i, state in enumerate(states):
+        builder.Connect(state, total.get_input_port(i))
+    split = builder.AddNamedSystem(names[1], Demultiplexer([n, n]))
+    builder.Connect(total.get_output_port(), split.get_input_port())
+    return split, names

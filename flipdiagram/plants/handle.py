@@ -13,12 +13,15 @@ from pydrake.systems.framework import Context, DiagramBuilder, InputPort, Output
 from pydrake.systems.primitives import Adder
 
 from flipdiagram.arrays import Floats
+from flipdiagram.errors import NoEquilibriumError
 from flipdiagram.plants.joint_friction import joint_friction
 from flipdiagram.plants.push import Push
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.parts import Parts, add_parts
 from flipdiagram.scenario.scenario import Scenario
 
+MOST_TRIES, SETTLED = 100, 1e-14
+"""To find how far gears give way at rest; change [rad] below which it is found."""
 CONTACT_PAIRS = ("blade-block", "table-block", "table-blade")
 """Who pushes whom in `contact_wrench`: the first on the second."""
 
@@ -33,7 +36,11 @@ class Cell(ABC):
     tau: InputPort
     """Torques of the drives (n,) [N m]."""
     q: OutputPort
+    """Angles of the joints (n,) [rad], where gears give way on the motors' side: what encoders see, friction brakes."""
     qd: OutputPort
+    q_link: OutputPort
+    """The same of the links, q where the joints are rigid."""
+    qd_link: OutputPort
     block: OutputPort
     """Pose of the block, quaternion (w first) and position [m], then its velocity in the world: (13,)."""
     poses: OutputPort
@@ -48,16 +55,40 @@ class Cell(ABC):
 
     @abstractmethod
     def stand(self, context: Context, q: Floats) -> None:
-        """Put the arm at rest at angles q (n,) [rad] into a root Context, the block where it lies on the blade."""
+        """Put the arm at rest at angles q (n,) [rad] into a root Context, the block where it lies on the blade.
+
+        Gears give way under the load, joints that stick are unloaded by their friction.
+        """
 
     @abstractmethod
     def show(self, builder: DiagramBuilder, meshcat: Meshcat) -> None:
         """Add what shows the cell in Meshcat."""
 
     def holding_torque(self, q: Floats) -> Floats:
-        """Joint torques (n,) [N m] that hold arm and block still at q (n,) [rad], without friction of the joints."""
-        plant, arm, context = self.plant, self.parts.arm, self._own_context
-        plant.SetPositions(context, arm.arm, q)
+        """Joint torques (n,) [N m] that hold arm and block still at q (n,) [rad], without friction of the joints.
+
+        Raises NoEquilibriumError where gears give way without end.
+        """
+        self.put_arm(self._own_context, q)
+        return self._load(self._own_context)
+
+    def put_arm(self, context: Context, q: Floats) -> None:
+        """Set the angles q (n,) [rad] of the joints in a Context of `plant`, gears deflected by the load at rest."""
+        plant, gears = self.plant, self.parts.gears
+        plant.SetPositions(context, self.parts.arm.arm, q)
+        if gears is None:
+            return
+        deflection = np.zeros(len(q))
+        for _ in range(MOST_TRIES):
+            plant.SetPositions(context, gears.model, deflection)
+            before, deflection = deflection, -self._load(context) / gears.stiffness
+            if np.abs(deflection - before).max() < SETTLED:
+                return
+        raise NoEquilibriumError("no equilibrium to start from: the gears give way; valid is a larger joints.stiffness")
+
+    def _load(self, context: Context) -> Floats:
+        """Torques (n,) [N m] that hold arm and block still as they stand in a Context of `plant`."""
+        plant, arm = self.plant, self.parts.arm
         centre = self._block_on_blade @ self.parts.block.default_com()
         world = plant.world_frame()
         J = plant.CalcJacobianTranslationalVelocity(context, JacobianWrtVariable.kV, arm.tool, centre, world, world)

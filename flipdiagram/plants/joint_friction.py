@@ -8,6 +8,7 @@ from flipdiagram.blocks.friction import JointFriction, stable_transition_velocit
 from flipdiagram.blocks.sticking import ElastoPlasticFriction, presliding_damping, stable_presliding
 from flipdiagram.errors import InputError
 from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.gears import least_inertia, rotor_inertia
 from flipdiagram.scenario.scenario import Scenario
 
 
@@ -15,17 +16,18 @@ def joint_friction(scenario: Scenario, arm: ArmModel) -> LeafSystem:
     """The friction box of the scenario, its levels as fractions of each joint's rated torque.
 
     Raises InputError where the friction would chatter: it acts explicitly, so its slope at rest is limited by the
-    joint's inertia, M at the arm's home pose, and the step.
+    joint's inertia and the step: M at the arm's home pose, or where gears give way the rotor's alone.
     """
     level, step = scenario.joint_friction, scenario.simulation.step
     coulomb, viscous = level.coulomb * arm.tau_rated, level.viscous * arm.tau_rated
-    M = arm.mass_matrix(arm.home)
+    elastic, M = scenario.joints.model == "elastic", arm.mass_matrix(arm.home)
     if level.model == "tanh":
-        needed = stable_transition_velocity(coulomb, np.diag(M), step)
+        inertia = rotor_inertia(arm) if elastic else np.diag(M)
+        needed = stable_transition_velocity(coulomb, inertia, step)
         _require(needed, "transition_velocity", level.transition_velocity, "rad/s", arm)
         return JointFriction(coulomb, viscous, np.full(arm.n_joints, level.transition_velocity))
     breakaway, presliding = np.full(arm.n_joints, level.breakaway), np.full(arm.n_joints, level.presliding)
-    inertia = _least_inertia(M)
+    inertia = rotor_inertia(arm) if elastic else least_inertia(M)
     if np.any(step * viscous >= inertia):
         limit = float(np.min(inertia / (step * arm.tau_rated)))
         field = "joint_friction.viscous"
@@ -36,12 +38,6 @@ def joint_friction(scenario: Scenario, arm: ArmModel) -> LeafSystem:
     damping = presliding_damping(breakaway * coulomb, presliding, inertia)
     stribeck = np.full(arm.n_joints, level.stribeck_velocity)
     return ElastoPlasticFriction(coulomb, breakaway, viscous, stribeck, presliding, damping, step)
-
-
-def _least_inertia(M: Floats) -> Floats:
-    """The largest J (n,) in the ratios of M's diagonal for which M - diag(J) is positive semidefinite [kg m^2]."""
-    diagonal = np.diag(M)
-    return np.linalg.eigvalsh(M / np.sqrt(np.outer(diagonal, diagonal)))[0] * diagonal
 
 
 def _require(needed: Floats, field: str, value: float, unit: str, arm: ArmModel) -> None:

@@ -12,8 +12,8 @@ from pydrake.common.value import Value
 from pydrake.geometry import Meshcat, MeshcatVisualizer, SceneGraph
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
-from pydrake.systems.framework import Context, DiagramBuilder
-from pydrake.systems.primitives import Demultiplexer, Multiplexer
+from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import Adder, Demultiplexer, MatrixGain, Multiplexer
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from flipdiagram.arrays import Floats
@@ -72,24 +72,35 @@ class MujocoCell(Cell):
 
     scene_graph: SceneGraph
     robot: "MujocoPlant"
+    deflection: OutputPort | None
+    """What the gears give way (n,) [rad]; None where the joints are rigid."""
 
     def stand(self, context: Context, q: Floats) -> None:
         """See `Cell`."""
-        own = self._own_context
-        self.plant.SetPositions(own, self.parts.arm.arm, q)
+        own, gears = self._own_context, self.parts.gears
+        self.put_arm(own, q)
         X_WB = self.parts.arm.tool.CalcPoseInWorld(own) @ self._block_on_blade
-        self.robot.put(self.robot.GetMyMutableContextFromRoot(context), q, X_WB)
+        deflection = np.zeros(0) if gears is None else self.plant.GetPositions(own, gears.model)
+        self.robot.put(self.robot.GetMyMutableContextFromRoot(context), q, X_WB, deflection)
 
     def show(self, builder: DiagramBuilder, meshcat: Meshcat) -> None:
         """See `Cell`."""
-        n = self.robot.joints
         builder.AddNamedSystem("scene_graph", self.scene_graph)
         split = builder.AddNamedSystem("block_pose", Demultiplexer([7, BLOCK - 7]))
-        positions = builder.AddNamedSystem("positions", Multiplexer([n, 7]))
-        poses = builder.AddNamedSystem("geometry_poses", MultibodyPositionToGeometryPose(self.plant))
         builder.Connect(self.block, split.get_input_port())
-        builder.Connect(self.q, positions.get_input_port(0))
-        builder.Connect(split.get_output_port(0), positions.get_input_port(1))
+        models, parts = [self.parts.arm.arm, self.parts.block.model_instance()], [self.q, split.get_output_port(0)]
+        if self.parts.gears is not None and self.deflection is not None:
+            models, parts = [*models, self.parts.gears.model], [*parts, self.deflection]
+        joined = builder.AddNamedSystem("joined", Multiplexer([part.size() for part in parts]))
+        for i, part in enumerate(parts):
+            builder.Connect(part, joined.get_input_port(i))
+        # in the order of Drake's plant, where a gear follows its joint
+        order, ends = np.zeros(self.plant.num_positions()), np.cumsum([0, *(part.size() for part in parts)])
+        for model, first, last in zip(models, ends, ends[1:], strict=False):
+            self.plant.SetPositionsInArray(model, np.arange(first, last), order)
+        positions = builder.AddNamedSystem("positions", MatrixGain(np.eye(ends[-1])[order.astype(int)]))
+        builder.Connect(joined.get_output_port(), positions.get_input_port())
+        poses = builder.AddNamedSystem("geometry_poses", MultibodyPositionToGeometryPose(self.plant))
         builder.Connect(positions.get_output_port(), poses.get_input_port())
         builder.Connect(poses.get_output_port(), self.scene_graph.get_source_pose_port(self.plant.get_source_id()))
         MeshcatVisualizer.AddToBuilder(builder, self.scene_graph, meshcat)
@@ -100,7 +111,8 @@ class MujocoPlant(Block):
 
     Inputs `tau` (n,) [N m], all torques on the joints, and where it is `pushed` `applied`, forces on the spatula as a
     MultibodyPlant takes them.  Outputs: `state` (3 n + 19,): q [rad], qd [rad/s], the block as in `Cell`, and MuJoCo's
-    accelerations of the last step, from which its solver starts; `poses` of all bodies of Drake's model [m];
+    accelerations of the last step, from which its solver starts; before these, where gears give way, their deflections
+    and speeds (6 n + 19 in all); `poses` of all bodies of Drake's model [m];
     `contact_wrench` (12,) [N, N m] as in `Cell`, its mean over the step that begins at t.
 
     All that decides the next step is the state, in the Context.  Every `period` [s] it makes as many steps of MuJoCo's
@@ -125,18 +137,23 @@ class MujocoPlant(Block):
         self.model = compiled(self._mujoco, text)
         self._link = self.model.body("blade").id
         self._drake, self._parts = plant, parts
-        self._work = _Workspace(self._mujoco, self.model, plant, self.substeps)
-        # where the numbers of MuJoCo's qpos and qvel stand in the state
-        block = 2 * n
-        self._qpos = np.r_[:n, block + 4 : block + 7, block : block + 4]
-        self._qvel = np.r_[n : 2 * n, block + 10 : block + 13, block + 7 : block + 10]
+        self._work = _Workspace(self._mujoco, self.model, plant, self.substeps, n)
+        # where the numbers of MuJoCo's qpos and qvel stand in the state, and the accelerations begin
+        block, gear = 2 * n, 2 * n + BLOCK
+        own, self._gears = np.arange(n), 0 if parts.gears is None else n
+        self._warm = gear + 2 * self._gears
+        angles = [own] if parts.gears is None else [own, gear + own]
+        speeds = [n + own] if parts.gears is None else [n + own, gear + n + own]
+        self._qpos = np.r_[np.ravel(angles, "F"), block + 4 : block + 7, block : block + 4]
+        self._qvel = np.r_[np.ravel(speeds, "F"), block + 10 : block + 13, block + 7 : block + 10]
         self.input("tau", n)
         self.applied: list[ExternallyAppliedSpatialForce] = []
         if pushed:
             self.input("applied", Value[list[ExternallyAppliedSpatialForce]]())
         context = plant.CreateDefaultContext()
         X_WB = plant.GetFreeBodyPose(context, parts.block)
-        index = self.state("state", self._at_rest(plant.GetPositions(context, parts.arm.arm), X_WB))
+        q, straight = plant.GetPositions(context, parts.arm.arm), np.zeros(self._gears)
+        index = self.state("state", self._at_rest(q, X_WB, straight))
         self.DeclareStateOutputPort("state", index)
         self.DeclareAbstractOutputPort(
             "poses", lambda: Value[list[RigidTransform]](), self._poses, {self.discrete_state_ticket(index)}
@@ -145,20 +162,22 @@ class MujocoPlant(Block):
         self.output("contact_wrench", 12, lambda step: step[1])
         self.update(lambda step: step[0], period)
 
-    def put(self, context: Context, q: Floats, X_WB: RigidTransform) -> None:
-        """Set the state of its own Context: at rest, the arm at q (n,) [rad], the block at a pose."""
-        context.SetDiscreteState(self._at_rest(q, X_WB))
+    def put(self, context: Context, q: Floats, X_WB: RigidTransform, deflection: Floats | None = None) -> None:
+        """Set the state of its own Context: at rest, the arm at q and its gears deflected (n,) [rad], block at X_WB."""
+        context.SetDiscreteState(self._at_rest(q, X_WB, np.zeros(self._gears) if deflection is None else deflection))
 
-    def _at_rest(self, q: Floats, X_WB: RigidTransform) -> Floats:
+    def _at_rest(self, q: Floats, X_WB: RigidTransform, deflection: Floats) -> Floats:
         pose = [*X_WB.rotation().ToQuaternion().wxyz(), *X_WB.translation()]
-        return np.concatenate([q, np.zeros(self.joints), pose, np.zeros(6 + self.joints + 6)])
+        rest = np.zeros(self._gears + self.joints + self._gears + 6)
+        return np.concatenate([q, np.zeros(self.joints), pose, np.zeros(6), deflection, rest])
 
     def _step(self, state: Floats, tau: Floats, applied: list[ExternallyAppliedSpatialForce]) -> tuple[Floats, Floats]:
         """The state one period later, and the mean contact wrench until then."""
         work, n, mj_step = self._work, self.joints, self._mujoco.mj_step
+        coordinates = n + self._gears
         model, data, sensors = work.model, work.data, work.sensors
-        work.qpos[:], work.qvel[:], work.warm[:] = state[self._qpos], state[self._qvel], state[2 * n + BLOCK :]
-        quaternion, spin = work.qpos[n + 3 :], work.qvel[n + 3 :]
+        work.qpos[:], work.qvel[:], work.warm[:] = state[self._qpos], state[self._qvel], state[self._warm :]
+        quaternion, spin = work.qpos[coordinates + 3 :], work.qvel[coordinates + 3 :]
         self._turn(spin, quaternion, -1.0)
         work.torque[:] = tau
         work.push[:] = self._push(work, applied) if applied else 0.0
@@ -171,7 +190,7 @@ class MujocoPlant(Block):
             work.sensed[count], work.shares[count] = sensors, many / self.substeps
             done, count = done + many, count + 1
         after = np.empty_like(state)
-        after[self._qpos], after[self._qvel], after[2 * n + BLOCK :] = work.qpos, work.qvel, work.warm
+        after[self._qpos], after[self._qvel], after[self._warm :] = work.qpos, work.qvel, work.warm
         self._turn(after[2 * n + 7 : 2 * n + 10], quaternion, 1.0)
         if not math.isfinite(after.dot(after)):
             raise SimulationError("the simulation diverged: MuJoCo's state is not finite")
@@ -199,6 +218,8 @@ class MujocoPlant(Block):
         n, state = self.joints, context.get_discrete_state_vector().value()
         own, quaternion = self._work.context, state[2 * n : 2 * n + 4]
         self._drake.SetPositions(own, self._parts.arm.arm, state[:n])
+        if self._parts.gears is not None:
+            self._drake.SetPositions(own, self._parts.gears.model, state[2 * n + BLOCK : 3 * n + BLOCK])
         turn = RotationMatrix(Quaternion(quaternion / np.linalg.norm(quaternion)))
         X_WB = RigidTransform(turn, state[2 * n + 4 : 2 * n + 7])
         self._drake.SetFreeBodyPose(own, self._parts.block, X_WB)
@@ -208,12 +229,12 @@ class MujocoPlant(Block):
 class _Workspace(threading.local):
     """Where one thread computes a step: MuJoCo's data and views of it.  Nothing here outlives the step."""
 
-    def __init__(self, mujoco: Any, model: Any, plant: MultibodyPlant, substeps: int) -> None:
+    def __init__(self, mujoco: Any, model: Any, plant: MultibodyPlant, substeps: int, joints: int) -> None:
         n = model.nv - 6
         self.model = copy.copy(model)  # of its own: the length of its step changes
         data = self.data = mujoco.MjData(self.model)
         self.qpos, self.qvel, self.warm = data.qpos, data.qvel, data.qacc_warmstart
-        self.torque, self.sensors = data.qfrc_applied[:n], data.sensordata
+        self.torque, self.sensors = data.qfrc_applied[: n : n // joints], data.sensordata  # past the gears
         self.push = data.xfrc_applied[model.body("blade").id]
         self.sensed = np.empty((substeps, model.nsensordata))
         self.shares = np.empty(substeps)
@@ -259,9 +280,16 @@ def add_mujoco_cell(
     n = arm.n_joints
     robot = MujocoPlant(plant, scene_graph, parts, arm.joint_names, step, CELL, pushed)
     builder.AddNamedSystem("robot", robot)
-    state = builder.AddNamedSystem("joint_state", Demultiplexer([n, n, BLOCK, n + 6]))
+    gears = [] if parts.gears is None else [n, n]
+    state = builder.AddNamedSystem("joint_state", Demultiplexer([n, n, BLOCK, *gears, n + len(gears) // 2 * n + 6]))
     builder.Connect(robot.GetOutputPort("state"), state.get_input_port())
-    torque = add_joint_torque(builder, scenario, arm, state.get_output_port(1))
+    q, qd = state.get_output_port(0), state.get_output_port(1)
+    of_links = ("link_position", "link_velocity") if gears else ()
+    links = [builder.AddNamedSystem(name, Adder(2, n)).get_output_port() for name in of_links] or [q, qd]
+    for i, link in enumerate(links if gears else []):
+        builder.Connect(state.get_output_port(i), link.get_system().get_input_port(0))
+        builder.Connect(state.get_output_port(3 + i), link.get_system().get_input_port(1))
+    torque = add_joint_torque(builder, scenario, arm, qd)
     builder.Connect(torque.get_output_port(), robot.GetInputPort("tau"))
     if pushed:
         add_push(builder, scenario, parts, robot.GetInputPort("applied"))
@@ -269,13 +297,16 @@ def add_mujoco_cell(
         plant,
         parts,
         tau=torque.get_input_port(0),
-        q=state.get_output_port(0),
-        qd=state.get_output_port(1),
+        q=q,
+        qd=qd,
+        q_link=links[0],
+        qd_link=links[1],
         block=state.get_output_port(2),
         poses=robot.GetOutputPort("poses"),
         contact_wrench=robot.GetOutputPort("contact_wrench"),
-        systems=("robot", "joint_friction", "joint_torque", "joint_state"),
+        systems=("robot", "joint_friction", "joint_torque", "joint_state", *of_links),
         engine=f"{replace(CELL, timestep=step / robot.substeps).settings_text()}, {LEAP} steps in one on a face",
         scene_graph=scene_graph,
         robot=robot,
+        deflection=state.get_output_port(3) if gears else None,
     )

@@ -24,6 +24,7 @@ from flipdiagram.plants.mujoco_contact import (
     inertial,
     pairs,
 )
+from flipdiagram.robot.gears import GearHandles
 from flipdiagram.robot.model_files import spaced
 from flipdiagram.robot.parts import Parts
 from flipdiagram.robot.serial_chain import SerialChain, chain_in
@@ -49,8 +50,9 @@ def cell_model(
 ) -> CellModel:
     """The model of a finalized plant with steps of `step` [s].
 
-    Its coordinates are the arm's, by joint_names, then those of the block.  Sensors, one a pair of `CONTACT_PAIRS`,
-    give the net force [N], moment [N m] and the point [m] about which it is taken, in world axes.
+    Its coordinates are the arm's, by joint_names, where gears give way each with its gear's deflection after it, then
+    those of the block.  Sensors, one a pair of `CONTACT_PAIRS`, give the net force [N], moment [N m] and the point [m]
+    about which it is taken, in world axes.
 
     Raises InputError where the arm is no chain of revolute joints or something else than a box collides.
     """
@@ -74,7 +76,7 @@ def cell_model(
         f"""<mujoco>
   {head(settings, step, plant.gravity_field().gravity_vector())}
   <worldbody>
-    {_links(chain, limits, boxes["blade"], X_LS, settings)}
+    {_links(chain, limits, parts.gears, boxes["blade"], X_LS, settings)}
     {free_body("block", parts.block, boxes["block"])}
     <body name="table">{table}</body>
   </worldbody>
@@ -91,18 +93,29 @@ def _limits(plant: MultibodyPlant, parts: Parts, name: str) -> tuple[float, floa
 
 
 def _links(
-    chain: SerialChain, limits: np.ndarray, blade: Sequence[ContactBox], X_LS: RigidTransform, settings: Settings
+    chain: SerialChain,
+    limits: np.ndarray,
+    gears: GearHandles | None,
+    blade: Sequence[ContactBox],
+    X_LS: RigidTransform,
+    settings: Settings,
 ) -> str:
-    """The bodies of the arm, each inside the one before."""
+    """The bodies of the arm, each inside the one before; a gear is a second joint about the axis of the first."""
     n, text = len(chain.mass), ""
     places = np.diff(chain.points, axis=0, prepend=np.zeros((1, 3)))
     for k in reversed(range(n)):
         last = k == n - 1
         low_high = spaced(np.clip(limits[k], -WITHOUT_END, WITHOUT_END))
         range_of = f'range="{low_high}" {compliance(settings, "limit")}' if np.isfinite(limits[k]).any() else ""
+        gear = "" if gears is None else _gear(chain.axes[k], gears.stiffness[k], gears.damping[k])
         text = f"""<body name="{"blade" if last else f"link{k + 1}"}" pos="{spaced(places[k])}">
       <joint name="joint{k + 1}" axis="{spaced(chain.axes[k])}" armature="{float(chain.rotor[k])!r}"
-             damping="{float(chain.damping[k])!r}" {range_of}/>
+             damping="{float(chain.damping[k])!r}" {range_of}/>{gear}
       {inertial(chain.mass[k], chain.centres[k] - chain.points[k], chain.inertias[k])}
       {"".join(box.geom(X_LS) for box in blade) if last else text}</body>"""
     return text
+
+
+def _gear(axis: np.ndarray, stiffness: float, damping: float) -> str:
+    spring = f'stiffness="{float(stiffness)!r}" damping="{float(damping)!r}"'
+    return f'<joint axis="{spaced(axis)}" {spring}/>'

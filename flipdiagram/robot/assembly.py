@@ -32,6 +32,7 @@ class ArmHandles:
     flange: Frame  # sixth modified-DH frame
     rated_torques: dict[str, float]  # [N m] by joint name, from base to flange
     home: dict[str, float] | None  # [rad] by joint name: near the start pose; None where nobody says
+    gear_stiffness: dict[str, float] | None  # [N m/rad] by joint name; None where the file does not say
 
 
 def add_arm(plant: MultibodyPlant, spec: ArmSpec) -> ArmHandles:
@@ -65,6 +66,7 @@ def add_arm(plant: MultibodyPlant, spec: ArmSpec) -> ArmHandles:
         flange=flange,
         rated_torques=numbers.rated_torque,
         home=numbers.home,
+        gear_stiffness=numbers.gear_stiffness,
     )
 
 
@@ -101,7 +103,8 @@ def _add_own(plant: MultibodyPlant, arm: Arm, suffix: str) -> tuple[ModelInstanc
         joint.set_velocity_limits([-limit], [limit])
     rated = {} if arm.torque_limits else {name: t for name, t in numbers.rated_torque.items() if np.isfinite(t)}
     home = numbers.home if arm.home is None else dict(zip(names, arm.home, strict=True))
-    return instance, JointNumbers({name: rated.get(name, peak[name]) for name in names}, peak, home)
+    rated = {name: rated.get(name, peak[name]) for name in names}
+    return instance, JointNumbers(rated, peak, home, numbers.gear_stiffness)
 
 
 def _moving(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[Joint]:

@@ -28,6 +28,9 @@ class JointNumbers:
     rated_torque: dict[str, float]  # [N m] attribute `rated_effort`, or `effort` where it is missing; else infinite
     peak_torque: dict[str, float]  # [N m] attribute `effort`; 0 where it is missing
     home: dict[str, float] | None  # [rad] attribute `home`, the middle of the range where one is missing; None: all are
+    gear_stiffness: dict[str, float] | None = (
+        None  # [N m/rad] attribute `gear_stiffness`; None unless each joint has it
+    )
 
 
 def prepare_urdf(root: ElementTree.Element, arm: Arm, folder: Path) -> None:
@@ -81,6 +84,9 @@ def joint_numbers(urdf: str, names: Iterable[str]) -> JointNumbers:
         {name: float(limit.get("effort", 0)) for name, limit in limits.items()},
         {name: float(limit.get("home", middle[name])) for name, limit in limits.items()}
         if any("home" in limit for limit in limits.values())
+        else None,
+        {name: float(limit["gear_stiffness"]) for name, limit in limits.items()}
+        if all("gear_stiffness" in limit for limit in limits.values())
         else None,
     )
 

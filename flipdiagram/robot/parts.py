@@ -13,6 +13,7 @@ from flipdiagram.errors import InputError
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.arm_spec import ArmSpec
 from flipdiagram.robot.assembly import ArmHandles, add_arm, add_body
+from flipdiagram.robot.gears import GearHandles, add_gears, gears_of
 from flipdiagram.robot.model_files import block_sdf, spatula_urdf, table_sdf
 from flipdiagram.scenario.scenario import Scenario
 
@@ -29,6 +30,8 @@ class Parts:
     arm: ArmHandles
     block: RigidBody
     table: RigidBody
+    gears: GearHandles | None = None
+    """None where the joints are rigid."""
 
 
 def arm_of(scenario: Scenario) -> ArmModel:
@@ -38,7 +41,10 @@ def arm_of(scenario: Scenario) -> ArmModel:
 
 def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
     """Add arm, spatula, block and table to a plant that is not finalized; raises InputError for a bad number."""
-    arm = add_arm(plant, _arm_spec(scenario))
+    arm, gears = add_arm(plant, _arm_spec(scenario)), None
+    if scenario.joints.model == "elastic":
+        rigid = arm_of(scenario)
+        gears = add_gears(plant, arm, gears_of(scenario, rigid), rigid.joint_names)
     if scenario.disturbance.payload > 0:
         _add_payload(plant, arm, scenario.disturbance.payload)
     block = _add_object(plant, scenario)
@@ -48,7 +54,7 @@ def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
     X_WT = RigidTransform([scenario.task.start_x, scenario.task.target_y, height])
     plant.WeldFrames(plant.world_frame(), table.body_frame(), X_WT)
     _leave_out_collisions(plant, arm)
-    return Parts(arm, block, table)
+    return Parts(arm, block, table, gears)
 
 
 def _add_object(plant: MultibodyPlant, scenario: Scenario) -> RigidBody:

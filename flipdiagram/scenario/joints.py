@@ -1,16 +1,37 @@
-"""The sections of a scenario that describe what lies between controller and joints: drives and sensors.
+"""The sections of a scenario that describe what lies between controller and joints: gears, drives and sensors.
 
 The sources of the defaults are marked as in `scenario.py`.
 """
 
 from __future__ import annotations
 
-from pydantic import model_validator
+from typing import Literal
+
+from pydantic import Field, model_validator
 
 from flipdiagram.scenario.text import Section, invalid, quantity
 
 MOST_PERIODS = 1000
 """Longest delay of the torque, in periods of the controller."""
+
+
+class Joints(Section):
+    """What joins rotor and link of each joint, unknown to planner and controller, whose arm is rigid."""
+
+    model: Literal["rigid", "elastic"] = Field(
+        "rigid", description="rigid: as one; elastic: the gear between them gives way; encoders see the rotor's angle"
+    )
+    stiffness: tuple[float, ...] | None = quantity(
+        None, "N m/rad", "of each gear at the joint; null: the file's, of harmonic drives of that torque (L)"
+    )
+    damping: tuple[float, ...] | None = quantity(
+        None, "N m s/rad", "of each gear; null: a damping ratio of 0.05 (o), or what the step needs"
+    )
+
+    @model_validator(mode="after")
+    def _positive(self) -> Joints:
+        self.require_positive(("stiffness", "damping"), "a number above 0 for each joint, or null")
+        return self
 
 
 class Drive(Section):

@@ -20,7 +20,7 @@ from pydantic import Field, model_validator
 
 from flipdiagram.errors import ScenarioError
 from flipdiagram.scenario.cell import JOINTS, Arm, Disturbance, JointFriction, Object, Table, Tool
-from flipdiagram.scenario.joints import Drive, Sensors, check_delay
+from flipdiagram.scenario.joints import Drive, Joints, Sensors, check_delay
 from flipdiagram.scenario.one_dof import Frequency, OneDof, check_nyquist
 from flipdiagram.scenario.place import Place
 from flipdiagram.scenario.text import Section, dump, fields_of, invalid, override, quantity, validate
@@ -205,6 +205,7 @@ class Scenario(Section):
 
     arm: Arm = Arm()
     joint_friction: JointFriction = JointFriction()
+    joints: Joints = Joints()
     drive: Drive = Drive()
     tool: Tool = Tool()
     object: Object = Object()
@@ -227,6 +228,8 @@ class Scenario(Section):
             raise invalid("controller.nominal_inertia", values, valid)
         check_nyquist(self.one_dof, self.frequency)
         check_delay(self.drive, self.controller.period)
+        if self.joints.model == "elastic" and self.simulation.contact_approximation == "tamsi":
+            raise invalid("simulation.contact_approximation", "tamsi", "sap, lagged or similar with elastic joints")
         ratio = self.controller.period / self.simulation.step
         if ratio < 1 or not math.log2(ratio).is_integer():
             # other ratios make Drake split one instant into two ordered events

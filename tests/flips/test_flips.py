@@ -75,6 +75,8 @@ def another(path):
         "sensors.encoder_resolution": 1e-4,
         "sensors.encoder_bits": 13,
         "drive.delay": 0.002,
+        "joints.stiffness": (2e4,) * 6,
+        "joints.damping": (5.0,) * 6,
     }
     if path in special:
         return special[path]
@@ -146,7 +148,7 @@ def test_a_plan_depends_on_the_sections_of_the_plan_alone():
     changes = {path: another(path) for path in PATHS if path.split(".")[0] not in (*PLAN_SECTIONS, *UNUSED)}
     changes |= {"joint_friction.transition_velocity": 0.1, "controller.period": 0.001, "sensors.encoder_bits": None}
     other = Scenario().with_overrides(changes)
-    for section in ("joint_friction", "drive", "disturbance", "controller", "sensors", "simulation"):
+    for section in ("joint_friction", "joints", "drive", "disturbance", "controller", "sensors", "simulation"):
         assert getattr(other, section) != getattr(Scenario(), section)
     one, two = default_plan(), plan_motion(other)
     for name, value in vars(one).items():

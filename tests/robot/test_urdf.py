@@ -106,6 +106,8 @@ def test_rotor_inertia_times_ratio_squared_is_the_reflected_inertia():
     np.testing.assert_allclose(reflected, [0.036, 0.183, 0.052, 0.024, 0.017, 0.011], rtol=1e-3)
     ratios = [plant.GetJointActuatorByName(name).default_gear_ratio() for name in "SLURBT"]
     np.testing.assert_allclose(ratios, [100, 224, 120, 120, 100, 81.48])
+    stiffness = joint_numbers(text_of("mh3f.urdf"), "SLURBT").gear_stiffness
+    assert stiffness == {"S": 1.6e4, "L": 3.1e4, "U": 1.6e4, "R": 1.0e4, "B": 4.7e3, "T": 4.7e3}
 
 
 def test_home_lies_inside_the_limits_and_a_joint_without_it_gets_the_middle():

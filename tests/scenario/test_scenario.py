@@ -73,6 +73,22 @@ BAD = {
     "breakaway below sliding": ("joint_friction: {breakaway: 0.9}", "= 0.9", "a finite number of at least 1"),
     "Stribeck velocity zero": ("joint_friction: {stribeck_velocity: 0}", "= 0", "a finite number above 0 [rad/s]"),
     "presliding zero": ("joint_friction: {presliding: 0}", "= 0", "a finite number above 0 [rad]"),
+    "unknown joints": ("joints: {model: soft}", "'joints.model' = 'soft'", "rigid, elastic"),
+    "stiffness not positive": (
+        "joints: {stiffness: [1, 1, 1, 1, 1, 0]}",
+        "'joints.stiffness'",
+        "a number above 0 for each",
+    ),
+    "damping not positive": (
+        "joints: {damping: [-1]}",
+        "'joints.damping' = (-1.0,)",
+        "a number above 0 for each joint",
+    ),
+    "elastic with tamsi": (
+        "joints: {model: elastic}\nsimulation: {contact_approximation: tamsi}",
+        "'simulation.contact_approximation' = 'tamsi'",
+        "sap, lagged or similar",
+    ),
     "ripple above the torque": ("drive: {ripple: 1.5}", "'drive.ripple' = 1.5", "at least 0 and of at most 1"),
     "no ripple cycles": ("drive: {ripple_cycles: 0}", "'drive.ripple_cycles' = 0", "a finite number above 0 [1/turn]"),
     "torque delay between": (
