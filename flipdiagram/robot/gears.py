@@ -58,11 +58,12 @@ def gears_of(scenario: Scenario, arm: ArmModel) -> Gears:
     """
     given, step = scenario.joints, scenario.simulation.step
     if given.stiffness is not None:
-        stiffness = np.array(one_per_joint("joints.stiffness", given.stiffness, arm.joint_names))
+        stiffness = np.array(one_per_joint("joints.stiffness", given.stiffness, arm.joint_names), dtype=float)
     elif arm.handles.gear_stiffness is not None:
         stiffness = np.array([arm.handles.gear_stiffness[name] for name in arm.joint_names])
     else:
         raise _missing("joints.stiffness", f"one per joint, {' '.join(arm.joint_names)}")
+    stiffness *= given.stiffness_scale
     rotor = rotor_inertia(arm)
     if not np.all(rotor > 0):
         raise _missing("arm.reflected_inertia", f"one above 0 per joint, {' '.join(arm.joint_names)}")

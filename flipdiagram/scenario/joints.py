@@ -24,6 +24,7 @@ class Joints(Section):
     stiffness: tuple[float, ...] | None = quantity(
         None, "N m/rad", "of each gear at the joint; null: the file's, of harmonic drives of that torque (L)"
     )
+    stiffness_scale: float = quantity(1.0, "1", "factor on the stiffness of every gear", gt=0)
     damping: tuple[float, ...] | None = quantity(
         None, "N m s/rad", "of each gear; null: a damping ratio of 0.05 (o), or what the step needs"
     )

@@ -187,12 +187,13 @@ def test_sticking_that_would_chatter_is_refused(fields, message):
         Bench(Scenario().with_overrides(STICKING | fields))
 
 
-def test_the_smallest_presliding_that_is_valid_does_not_chatter_and_the_arm_comes_to_rest():
+@pytest.mark.parametrize("joints", ["rigid", "elastic"])
+def test_the_smallest_presliding_that_is_valid_does_not_chatter_and_the_arm_comes_to_rest(joints):
     """All joints coupled, the smallest inertia included: struck, they come to rest, bent by what loads them."""
+    kind = STICKING | {"joints.model": joints, "joint_friction.coulomb": 0.1}
     with pytest.raises(InputError) as caught:
-        Bench(Scenario().with_overrides(STICKING | {"joint_friction.presliding": 1e-6}))
-    gentle = {"joint_friction.presliding": 1.001 * caught.value.valid, "joint_friction.coulomb": 0.1}
-    scenario = Scenario().with_overrides(STICKING | gentle)
+        Bench(Scenario().with_overrides(kind | {"joint_friction.presliding": 1e-6}))
+    scenario = Scenario().with_overrides(kind | {"joint_friction.presliding": 1.001 * caught.value.valid})
     arm = arm_of(scenario)
     bench = Bench(scenario, arm.gravity_torque(Bench(scenario).q) + 0.4 * 0.1 * arm.tau_rated)
     simulator = bench.start(RigidTransform([0.5, 0, 50.0]), lock=False)
@@ -201,4 +202,4 @@ def test_the_smallest_presliding_that_is_valid_does_not_chatter_and_the_arm_come
     for k in range(1, 60):
         simulator.AdvanceTo(0.01 * k)
         moved.append(np.abs(bench.cell.plant.GetVelocities(bench.context, bench.cell.parts.arm.arm)).max())
-    assert moved[-1] < 1e-9 < moved[0]
+    assert moved[-1] < 1e-3 * moved[0]  # to chatter would be to keep 0.01 rad/s and more

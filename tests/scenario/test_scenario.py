@@ -79,6 +79,7 @@ BAD = {
         "'joints.stiffness'",
         "a number above 0 for each",
     ),
+    "no stiffness": ("joints: {stiffness_scale: 0}", "'joints.stiffness_scale' = 0", "a finite number above 0"),
     "damping not positive": (
         "joints: {damping: [-1]}",
         "'joints.damping' = (-1.0,)",
