@@ -1,5 +1,6 @@
 """The exceptions of flipdiagram: one class per way of going wrong, with the exit code of the command line."""
 
+import math
 from typing import Any, Self
 
 
@@ -68,3 +69,11 @@ class NoEquilibriumError(SimulationError):
 def first_line(error: BaseException) -> str:
     """The first line of an exception's message, or its name where there is none."""
     return next(iter(str(error).strip().splitlines()), type(error).__name__)
+
+
+def rounded_up(value: float) -> str:
+    """A positive number of at least `value` in four digits, for a message that names the smallest valid one."""
+    if not 0 < value < math.inf:
+        return f"{value:g}"
+    unit = 10.0 ** (math.floor(math.log10(value)) - 3)
+    return f"{math.ceil(value / unit) * unit:.4g}"

@@ -6,7 +6,7 @@ from pydrake.systems.framework import LeafSystem
 from flipdiagram.arrays import Floats
 from flipdiagram.blocks.friction import JointFriction, stable_transition_velocity
 from flipdiagram.blocks.sticking import ElastoPlasticFriction, presliding_damping, stable_presliding
-from flipdiagram.errors import InputError
+from flipdiagram.errors import InputError, rounded_up
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.gears import least_inertia, rotor_inertia
 from flipdiagram.scenario.scenario import Scenario
@@ -46,6 +46,6 @@ def _require(needed: Floats, field: str, value: float, unit: str, arm: ArmModel)
     worst, path = int(np.argmax(needed)), f"joint_friction.{field}"
     message = (
         f"scenario field '{path}' = {value} {unit} makes joint {arm.joint_names[worst]} chatter at this step and"
-        f" level; valid is at least {needed[worst]:.4{'f' if unit == 'rad/s' else 'g'}} {unit}"
+        f" level; valid is at least {rounded_up(needed[worst])} {unit}"
     )
     raise InputError(message, field=path, value=value, valid=needed[worst])

@@ -26,7 +26,7 @@ from pydrake.multibody.tree import (
 )
 
 from flipdiagram.arrays import Floats
-from flipdiagram.errors import InputError
+from flipdiagram.errors import InputError, rounded_up
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.arm_spec import one_per_joint
 from flipdiagram.robot.assembly import ArmHandles
@@ -78,7 +78,7 @@ def gears_of(scenario: Scenario, arm: ArmModel) -> Gears:
         worst = int(np.argmax(least - damping))
         message = (
             f"scenario field 'joints.damping' = {list(given.damping)} makes the gear of joint {arm.joint_names[worst]}"
-            f" unstable at this step; valid is at least {least[worst]:.4g} N m s/rad there, or null"
+            f" unstable at this step; valid is at least {rounded_up(least[worst])} N m s/rad there, or null"
         )
         raise InputError(message, field="joints.damping", value=given.damping, valid=least)
     return Gears(stiffness, damping)

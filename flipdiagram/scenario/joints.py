@@ -5,6 +5,7 @@ The sources of the defaults are marked as in `scenario.py`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 from pydantic import Field, model_validator
@@ -34,6 +35,16 @@ class Joints(Section):
         self.require_positive(("stiffness", "damping"), "a number above 0 for each joint, or null")
         return self
 
+    def check(self, approximation: str, joints: Sequence[str] | None) -> None:
+        """For a validator: numbers for each of the joints, where they are known, and a solver that moves them."""
+        for name in ("stiffness", "damping"):
+            values = getattr(self, name)
+            if joints is not None and values is not None and len(values) != len(joints):
+                raise invalid(f"joints.{name}", values, f"a number above 0 for each joint {' '.join(joints)}, or null")
+        if self.model == "elastic" and approximation == "tamsi":  # it does not converge with them
+            valid = "sap, lagged or similar with elastic joints"
+            raise invalid("simulation.contact_approximation", approximation, valid)
+
 
 class Drive(Section):
     """How the torque of the motors differs from the one that the controller sends; by default it does not."""
@@ -50,6 +61,13 @@ class Drive(Section):
     delay: float = quantity(
         0.0, "s", "of the torque behind what the controller sends, whole periods of the controller; 0: none", ge=0
     )
+
+    def check(self, period: float) -> None:
+        """For a validator: the delay is a whole number of periods of the controller [s]."""
+        periods = self.delay_periods(period) if self.delay / period <= MOST_PERIODS else -1
+        if periods < 0 or abs(self.delay / period - periods) > 1e-6:
+            valid = f"a multiple of controller.period = {period} [s], at most {MOST_PERIODS} of them"
+            raise invalid("drive.delay", self.delay, valid)
 
     def delay_periods(self, period: float) -> int:
         """The delay in periods of the controller [s]."""
@@ -88,11 +106,3 @@ class Sensors(Section):
         if self.encoder_bits is not None and self.encoder_resolution > 0:
             raise invalid("encoder_bits", self.encoder_bits, "null where sensors.encoder_resolution is above 0")
         return self
-
-
-def check_delay(drive: Drive, period: float) -> None:
-    """For a validator: the delay is a whole number of periods of the controller [s]."""
-    periods = drive.delay_periods(period) if drive.delay / period <= MOST_PERIODS else -1
-    if periods < 0 or abs(drive.delay / period - periods) > 1e-6:
-        valid = f"a multiple of controller.period = {period} [s], at most {MOST_PERIODS} of them"
-        raise invalid("drive.delay", drive.delay, valid)

@@ -20,7 +20,7 @@ from pydantic import Field, model_validator
 
 from flipdiagram.errors import ScenarioError
 from flipdiagram.scenario.cell import JOINTS, Arm, Disturbance, JointFriction, Object, Table, Tool
-from flipdiagram.scenario.joints import Drive, Joints, Sensors, check_delay
+from flipdiagram.scenario.joints import Drive, Joints, Sensors
 from flipdiagram.scenario.one_dof import Frequency, OneDof, check_nyquist
 from flipdiagram.scenario.place import Place
 from flipdiagram.scenario.text import Section, dump, fields_of, invalid, override, quantity, validate
@@ -227,9 +227,8 @@ class Scenario(Section):
             valid = f"a number above 0 [kg m2] for each joint {' '.join(JOINTS)}, or null"
             raise invalid("controller.nominal_inertia", values, valid)
         check_nyquist(self.one_dof, self.frequency)
-        check_delay(self.drive, self.controller.period)
-        if self.joints.model == "elastic" and self.simulation.contact_approximation == "tamsi":
-            raise invalid("simulation.contact_approximation", "tamsi", "sap, lagged or similar with elastic joints")
+        self.joints.check(self.simulation.contact_approximation, None if self.arm.file else JOINTS)
+        self.drive.check(self.controller.period)
         ratio = self.controller.period / self.simulation.step
         if ratio < 1 or not math.log2(ratio).is_integer():
             # other ratios make Drake split one instant into two ordered events

@@ -11,7 +11,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from flipdiagram.errors import InputError
+from flipdiagram.errors import InputError, rounded_up
 from flipdiagram.plants.cell import add_cell
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import Scenario
@@ -185,6 +185,15 @@ STICKING = {"joint_friction.model": "elasto-plastic"}
 def test_sticking_that_would_chatter_is_refused(fields, message):
     with pytest.raises(InputError, match=message):
         Bench(Scenario().with_overrides(STICKING | fields))
+
+
+def test_the_least_value_that_a_message_names_is_valid():
+    for value, text in ((0.00013371, "0.0001338"), (2.3, "2.3"), (11.11951, "11.12"), (9999.6, "1e+04"), (0.0, "0")):
+        assert rounded_up(value) == text
+    with pytest.raises(InputError) as caught:
+        Bench(Scenario().with_overrides({"joint_friction.transition_velocity": 0.001}))
+    named = float(str(caught.value).split("at least ")[1].split()[0])
+    Bench(Scenario().with_overrides({"joint_friction.transition_velocity": named}))
 
 
 @pytest.mark.parametrize("joints", ["rigid", "elastic"])

@@ -79,6 +79,11 @@ BAD = {
         "'joints.stiffness'",
         "a number above 0 for each",
     ),
+    "stiffness of two joints": (
+        "joints: {stiffness: [1, 2]}",
+        "'joints.stiffness' = (1.0, 2.0)",
+        "each joint S L U R B T",
+    ),
     "no stiffness": ("joints: {stiffness_scale: 0}", "'joints.stiffness_scale' = 0", "a finite number above 0"),
     "damping not positive": (
         "joints: {damping: [-1]}",
