@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from pydrake.geometry import SceneGraph
+from pydrake.geometry import Meshcat, SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
@@ -234,6 +234,32 @@ def test_a_drawing_shows_all_of_an_elastic_cell_as_the_robot(engine):
     rigid = build_loop(Scenario().with_overrides({"simulation.engine": engine}))
     assert {line.source for line in draw(loop).lines} == {line.source for line in draw(rigid).lines}
     assert len(loop.cell.systems) == len(rigid.cell.systems) + 2
+
+
+def test_a_hold_begins_with_gears_that_carry_the_arm():
+    loop = build_loop(Scenario().with_overrides(ELASTIC | {"simulation.start": "hold"}), "pd")
+    plant, mine = loop.cell.plant, loop.cell.plant.GetMyContextFromRoot(loop.context(default_plan()))
+    np.testing.assert_array_equal(plant.GetPositions(mine, loop.cell.parts.arm.arm), loop.q_start)
+    deflection = plant.GetPositions(mine, loop.cell.parts.gears.model)
+    expected = -loop.cell.holding_torque(loop.q_start) / loop.cell.parts.gears.stiffness
+    np.testing.assert_allclose(deflection, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("joints", ["rigid", "elastic"])
+def test_what_is_shown_of_mujocos_cell_are_the_links(joints):
+    pytest.importorskip("mujoco")
+    scenario = Scenario().with_overrides({"joints.model": joints, "simulation.engine": "mujoco"})
+    loop = build_loop(scenario, meshcat=Meshcat())
+    context, plant, parts = loop.context(default_plan()), loop.cell.plant, loop.cell.parts
+    positions = loop.diagram.GetSubsystemByName("positions")
+    shown, seen = plant.CreateDefaultContext(), positions.GetMyContextFromRoot(context)
+    plant.SetPositions(shown, positions.get_output_port().Eval(seen))
+    poses = loop.cell.poses.Eval(loop.cell.poses.get_system().GetMyContextFromRoot(context))
+    for body in (parts.arm.spatula_body, parts.block):
+        assert body.EvalPoseInWorld(shown).IsNearlyEqualTo(poses[int(body.index())], 1e-12)
+    arm = arm_of(scenario)
+    link = loop.cell.q_link.Eval(loop.cell.q_link.get_system().GetMyContextFromRoot(context))
+    assert arm.X_WT(link).IsNearlyEqualTo(parts.arm.tool.CalcPoseInWorld(shown), 1e-9)
 
 
 def own_arm(tmp_path, *without):
