@@ -5,7 +5,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 import pydrake.math as scalar_math
-from numpy.typing import ArrayLike
 from pydrake.symbolic import Formula, if_then_else
 
 from flipdiagram.arrays import Array
@@ -50,9 +49,3 @@ def maximum(a: Array, b: Array) -> Array:
     if a.dtype != object:
         return np.maximum(a, b)
     return np.array([scalar_math.max(x, y) for x, y in zip(a, b, strict=True)], dtype=object)
-def between(value: Array, low: ArrayLike, high: ArrayLike) -> Array:
-    """min(max(value, low), high) of each entry of an array (n,); bounds (n,) or one number, infinite for none."""
-    if value.dtype != object:
-        return np.minimum(np.maximum(value, low), high)  # half the time of np.clip on small arrays
-    limits = np.broadcast_arrays(value, low, high)
-    return np.array([scalar_math.min(scalar_math.max(x, a), b) for x, a, b in zip(*limits, strict=True)], dtype=object)

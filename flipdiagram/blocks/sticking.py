@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from flipdiagram.arrays import Array
 from flipdiagram.blocks._checks import channels
-from flipdiagram.blocks._scalars import between
+from flipdiagram.blocks._scalars import maximum, minimum
 from flipdiagram.blocks.block import Block, convertible
 
 
@@ -20,7 +20,7 @@ def next_deflection(z: Array, qd: Array, breakaway: Array, v_s: Array, preslidin
     z_ss(qd) = presliding (1 + (breakaway - 1) exp(-(qd / v_s)^2)) / breakaway is the Stribeck curve over the stiffness.
     """
     z_ss = presliding * (1.0 + (breakaway - 1.0) * np.exp(-((qd / v_s) ** 2))) / breakaway
-    return between(z + period * qd, -z_ss, z_ss)
+    return minimum(maximum(z + period * qd, -z_ss), z_ss)
 
 
 def sticking_torque(
@@ -42,7 +42,7 @@ def sticking_torque(
     Ortega, "Necessary and sufficient conditions for passivity of the LuGre friction model", IEEE Trans. Automatic
     Control 45, 2000).
     """
-    w = between((after - z) / period, between(qd, -np.inf, 0.0), between(qd, 0.0, np.inf))
+    w = minimum(maximum((after - z) / period, minimum(qd, 0.0 * qd)), maximum(qd, 0.0 * qd))
     return -(tau_c * breakaway / presliding * after + sigma_1 * w + d * qd)
 
 

@@ -188,9 +188,11 @@ def _record(
     """Sinks for what a recording is made of, by signal name."""
     names = (*COMMANDS, *REPLANNING) if isinstance(mpc, RecedingHorizonController) else COMMANDS
     signals = {name: mpc.GetOutputPort(name) for name in names}
-    signals |= {name: getattr(cell, name) for name in ("q", "qd", "block", "contact_wrench")} | {"tau": tau}
+    signals |= {"q": cell.q_link, "qd": cell.qd_link, "block": cell.block, "contact_wrench": cell.contact_wrench}
     signals |= {name: port for name in ("tau_cmd", "tau_dis") if (port := boxes.output(name)) is not None}
-    if seen.boxes:
+    elastic = cell.q_link is not cell.q
+    signals |= {"tau": tau} | ({"qd_motor": cell.qd} if elastic else {})
+    if seen.boxes or elastic:
         signals |= {"q_meas": seen.q, "qd_meas": seen.qd}
     logs = {}
     for name, port in signals.items():

@@ -25,7 +25,7 @@ def with_margins(data: Recording, blade_moment: Floats, scenario: Scenario) -> R
     realised = _realised(data, blade_moment, scenario.object.friction)
     planned = _planned(data, scenario)
     time = data["time"].values
-    torque, velocity = data["tau"].values, data["qd"].values
+    torque, velocity = data["tau"].values, data["qd_motor" if "qd_motor" in data else "qd"].values
     power = torque * velocity
     # tau[k] acts through the whole step from qd[k] to qd[k+1]: power at its ends alone is 10 % off in a flip
     steps = torque[:-1] * (velocity[:-1] + velocity[1:]) / 2 * np.diff(time)[:, None]

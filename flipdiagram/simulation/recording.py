@@ -3,7 +3,8 @@
 Time 0 is the start of the motion, before it the arm holds the start pose.  Sample k of every signal belongs to the
 instant t_k, before the plant steps from it: tau[k] is what the controller sends in response to q[k], qd[k]; contact
 forces belong to the step that begins at t_k; a[k] = (v[k+1] − v[k]) / T is the mean acceleration until t_{k+1}.
-x_meas, v_meas and a_meas are the same of the joints as the controller measures them; tau_cmd is tau before its limit.
+q and what follows from it is the links'; x_meas, v_meas and a_meas are the same of the joints as the controller sees
+them, at the motors; tau_cmd is tau before its limit.  qd_motor is there where the joints are elastic.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ SIGNALS = {
     **dict.fromkeys(("v_cmd", "v", "v_meas"), (AXES, "m/s, m/s, rad/s")),
     **dict.fromkeys(("a_cmd", "a", "a_meas"), (AXES, "m/s2, m/s2, rad/s2")),
     "q": (JOINTS, "rad"),
-    "qd": (JOINTS, "rad/s"),
+    **dict.fromkeys(("qd", "qd_motor"), (JOINTS, "rad/s")),
     **dict.fromkeys(("tau", "tau_cmd", "tau_dis"), (JOINTS, "N m")),
     **dict.fromkeys(("tool_pose", "block_pose"), (POSES, "1, 1, 1, 1, m, m, m")),
     **dict.fromkeys(("sliding_angle", "sliding_angle_cmd"), (("time",), "rad")),
@@ -79,7 +80,7 @@ def assemble(
     if "q_meas" in signals:
         seen = _motion(arm, signals["q_meas"], signals["qd_meas"], scenario.controller.period)
         values |= dict(zip(("x_meas", "v_meas", "a_meas"), seen, strict=False))
-    values |= {name: signals[name].T for name in ("q", "qd", "tau", "tau_cmd")}
+    values |= {name: signals[name].T for name in ("q", "qd", "qd_motor", "tau", "tau_cmd") if name in signals}
     values["tau_dis"] = signals.get("tau_dis", np.zeros((arm.n_joints, samples))).T
     values |= {"tool_pose": continuous(tool), "block_pose": continuous(signals["block_pose"].T)}
     values["sliding_angle"] = contact.sliding_angle(a[:, :2], x[:, 2])
