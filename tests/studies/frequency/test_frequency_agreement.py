@@ -49,7 +49,7 @@ def linearised(loop, of: OneDof, omega, source=None, output="x"):
 OBSERVERS = {"r = 1, g_v = 400 rad/s": {**realisations.TEXTBOOK, "velocity_cutoff": 400.0}} | {
     name: {**realisations.TEXTBOOK, **changes} for name, changes in realisations.REALISATIONS.items()
 }
-UNSTABLE = {"r = 1, g_v = 62.8 rad/s": {300.0}, "r = 0.5, g_v = 62.8 rad/s": {100.0, 300.0}}
+UNSTABLE = {"documented, 10 Hz: r = 1, g_v = 62.8 rad/s": {300.0}, "r = 0.5, g_v = 62.8 rad/s": {100.0, 300.0}}
 """g_dis [rad/s] of loops that have a growing pole, by realisation."""
 
 
