@@ -84,7 +84,7 @@ _RECORDS = (
     _study(
         "inverse",
         "Search worlds in which only the observers keep the block.",
-        Option("file", nargs="?", metavar="FILE", help="the box of worlds as YAML, see examples/calibration.yaml"),
+        Option("file", nargs="?", metavar="FILE", help="the box of worlds as YAML, see examples/inverse.yaml"),
         _SCHEDULER,
         flag("--yes", "even if it takes longer than limit_hours"),
         JOBS,

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter, ScalarFormatter
 
 from flipdiagram.campaign.distributions import distribution
 from flipdiagram.figures.style import RC, STYLES, new_axes, save, tidy
@@ -12,6 +13,7 @@ from flipdiagram.studies.study import Progress, Summary, silent
 
 MOST = 8
 """Unknowns in the corner plot: those whose interval has shrunk most."""
+TICKS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 DRAWN = STYLES["pd+ff+dob"].color
 
 
@@ -63,22 +65,27 @@ def plot_predictions(summary: Summary) -> Figure:
     rows = summary["predictions"]
     (ax,) = new_axes(1, (6.4, 0.5 * len(rows) + 1.2))
     for k, row in enumerate(rows):
-        ax.fill_betweenx([k - 0.4, k + 0.4], 1 - row["tolerance"], 1 + row["tolerance"], color="0.92", linewidth=0)
+        low, high, aim = 1 - row["tolerance"], 1 + row["tolerance"], "aimed at" if k == 0 else None
+        ax.fill_betweenx([k - 0.4, k + 0.4], low, high, color="0.92", linewidth=0, label=aim)
         for kind, shift, color in (("prior", 0.15, "0.6"), ("posterior", -0.15, DRAWN)):
             if row[kind] is not None:
                 low, middle, high = (value / row["paper"] for value in row[kind])
-                label = kind if k == 0 else None
+                label = f"{kind}, 5–95 %" if k == 0 else None
                 ax.plot([low, high], [k + shift] * 2, color=color, linewidth=2.5, solid_capstyle="butt", label=label)
                 ax.plot(middle, k + shift, "o", color=color, markersize=4)
     ax.axvline(1.0, color="black", linewidth=0.8, label="paper")
     ax.set_yticks(range(len(rows)), [f"{row['name']}\n{row['paper']:g} {row['unit']}" for row in rows], fontsize=7)
     ax.invert_yaxis()
     ax.set_xscale("log")
-    ax.set_xlabel("ours over the paper's, median and 5–95 %; grey: within what is aimed at")
-    ax.legend(fontsize=7, loc="best")
+    ax.xaxis.set_major_formatter(ScalarFormatter())
+    ax.xaxis.set_minor_formatter(NullFormatter())
+    low, high = ax.get_xlim()
+    ax.set_xticks([tick for tick in TICKS if low <= tick <= high])
+    ax.set_xlabel("ours / the paper's")
     tidy(ax)
     figure = ax.figure
     assert isinstance(figure, Figure)
+    figure.legend(fontsize=7, loc="outside upper right", ncols=4, frameon=False)
     return figure
 
 

@@ -54,7 +54,7 @@ def run(
     Raises InputError.
     """
     if file is None:
-        raise InputError("inverse needs the FILE of a campaign; see examples/calibration.yaml", field="FILE")
+        raise InputError("inverse needs the FILE of a campaign; see examples/inverse.yaml", field="FILE")
     box = load_specification(file, changes_of(scenario))
     if yes:
         box = replace(box, limit_hours=math.inf)
