@@ -6,6 +6,7 @@ from pathlib import Path
 
 from flipdiagram.files import write_summary
 from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.studies.experiment.claims import MEASURED
 
 REPORT = Path(__file__).parent.parent / "docs" / "report" / "summary.json"
 MODES = {"turned over": 3, "slid later": 1}
@@ -25,11 +26,15 @@ def experiment():
         for c in written["claims"]
         if c["id"].startswith("E")
     ]
-    return {"quick": False, "claims": claims, **written["experiment"]}
+    parts = dict(written["experiment"])
+    parts["runs"] = [run | {new: run[old] for old, new in MEASURED.items() if new not in run} for run in parts["runs"]]
+    if isinstance(parts["second_engine"], dict):  # of the report's last run, some versions ago
+        parts["second_engine"] = parts["second_engine"]["runs"]
+    return {"quick": False, "claims": claims, **parts}
 
 
 def turnover():
-    runs = [run for run in report()["experiment"]["runs"] if run["start_y_m"] == 0.0]
+    runs = [run for run in experiment()["runs"] if run["start_y_m"] == 0.0]
     more = [{"real_time_factor": 1.0, "recording": f"{run['architecture']}.nc"} for run in runs]
     return {"plan": runs[0]["plan"], "runs": [{**run, **extra} for run, extra in zip(runs, more, strict=True)]}
 
@@ -108,7 +113,7 @@ def calibrate():
         "unknowns": [{"name": name, "prior": {"uniform": [0.0, 1.0]}, **unknown} for name in names],
         "draws": {"u": [[0.2, 0.5], [0.4, 0.6], [0.6, 0.1]], "weight": [0.3, 0.4, 0.3], "distance": [1.0, 1.5, 2.0]},
         "predictions": [row | {"prior": [0.3, 0.9, 2.0], "posterior": [1.0, 1.1, 1.3]} for row in numbers],
-        "claims": [{"id": "E2", "posterior": 1.0, "prior": 0.5}],
+        "claim_shares": [{"id": "E2", "posterior": 1.0, "prior": 0.5}],
         "recovered": {"worlds": 2, "coverage": 0.75, "unknowns": dict(zip(names, (0.5, 1.0), strict=True))},
         "held_out": [
             {"name": "position RMSE, last start", "paper": 1.18, "interval": [1.0, 1.1, 1.4], "inside": True},

@@ -3,7 +3,7 @@
 import copy
 import math
 import threading
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -305,7 +305,7 @@ def add_mujoco_cell(
         poses=robot.GetOutputPort("poses"),
         contact_wrench=robot.GetOutputPort("contact_wrench"),
         systems=("robot", "joint_friction", "joint_torque", "joint_state", *of_links),
-        engine=f"{replace(CELL, timestep=step / robot.substeps).settings_text()}, {LEAP} steps in one on a face",
+        engine=f"{CELL._replace(timestep=step / robot.substeps).settings_text()}, {LEAP} steps in one on a face",
         scene_graph=scene_graph,
         robot=robot,
         deflection=state.get_output_port(3) if gears else None,

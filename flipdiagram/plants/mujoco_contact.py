@@ -5,7 +5,6 @@ MuJoCo is an optional extra, imported when it is used.
 
 import importlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -20,46 +19,30 @@ from flipdiagram.errors import InputError, first_line
 from flipdiagram.robot.model_files import spaced
 from flipdiagram.robot.parts import Parts
 
-CONES = ("elliptic", "pyramidal")
-RANGES = {"timestep": (1e-6, 1e-2), "impratio": (1e-3, 1e3), "impedance": (0.01, 0.9999), "settle": (0.0, 100.0)}
 
-
-@dataclass(frozen=True)
-class Settings:
-    """How MuJoCo solves the contact; the defaults approach rigid Coulomb friction.  InputError for a bad value.
+class Settings(NamedTuple):
+    """How MuJoCo solves the contact; the values approach rigid Coulomb friction.
 
     What has one value only stands in `head`: the integrator is "Euler" ("implicitfast" differs by rounding where
     nothing has damping, which the last moments before the release, on an edge of the block, amplify to 0.02 rad at
-    touch-down); no noslip iterations, which cost sliding friction half a percent; damping ratio 1, no rebound, as
-    Drake's dissipation of 20 s/m leaves next to none; condim 3, as the corners of a face resist spinning by themselves.
+    touch-down); the elliptic cone is Coulomb's; no noslip iterations, which cost sliding friction half a percent;
+    damping ratio 1, no rebound, as Drake's dissipation of 20 s/m leaves next to none; condim 3, as the corners of a
+    face resist spinning by themselves.
 
-    Args:
-        timestep: longest step [s]; a whole number of steps fills the period.
-        cone: "elliptic" is Coulomb's; "pyramidal" has four faces and lets less friction through along the diagonals.
-        impratio: stiffness of friction over that of the normal direction; above 1 friction creeps less.
-        time_constant: decay [s] of a penetration (solref); at least twice the step, or contact is no longer stable.
-            2 ms lets the block sink 0.4 µm under its weight, as the rubber's modulus of 1 MPa lets it sink 0.7 µm.
-        impedance: share of the contact force that is a constraint, 0 to 1 (solimp, constant); the rest is compliance.
-        settle: time of the hold [s] in which the block comes to rest before a recorded motion is replayed.
+    timestep: longest step [s]; a whole number of steps fills the period.
+    time_constant: decay [s] of a penetration (solref); at least twice the step, or contact is no longer stable.
+    impratio: stiffness of friction over that of the normal direction; above 1 friction creeps less.
+    impedance: share of the contact force that is a constraint, 0 to 1 (solimp, constant); the rest is compliance.
     """
 
-    timestep: float = 1e-4
-    cone: str = "elliptic"
+    timestep: float
+    time_constant: float
     impratio: float = 100.0
-    time_constant: float = 2e-3
     impedance: float = 0.99
-    settle: float = 0.3
-
-    def __post_init__(self) -> None:
-        if self.cone not in CONES:
-            raise InputError.of("MuJoCo setting 'cone'", self.cone, CONES)
-        for name, (low, high) in (RANGES | {"time_constant": (2 * self.timestep, 1.0)}).items():
-            if not low <= getattr(self, name) <= high:
-                raise InputError.of(f"MuJoCo setting '{name}'", getattr(self, name), f"{low:g} to {high:g}")
 
     def settings_text(self) -> str:
         """Engine and contact settings in one line, for a report; InputError where MuJoCo is missing."""
-        solver = f"Euler, {self.cone} cone, impratio {self.impratio:g}, 0 noslip iterations"
+        solver = f"Euler, elliptic cone, impratio {self.impratio:g}, 0 noslip iterations"
         contact = f"solref {self.time_constant * 1e3:g} ms / 1, solimp {self.impedance:g}, condim 3"
         return f"MuJoCo {import_mujoco().__version__}, step {self.timestep * 1e3:g} ms, {solver}, {contact}"
 
@@ -107,7 +90,7 @@ def contact_boxes(plant: MultibodyPlant, scene_graph: SceneGraph, parts: Parts) 
 def head(settings: Settings, step: float, gravity: Sequence[float]) -> str:
     """The elements before the bodies: step [s], gravity (3,) [m/s²], and that nothing touches but the pairs named."""
     return f"""<compiler angle="radian"/>
-  <option timestep="{step!r}" gravity="{spaced(gravity)}" integrator="Euler" cone="{settings.cone}"
+  <option timestep="{step!r}" gravity="{spaced(gravity)}" integrator="Euler" cone="elliptic"
           impratio="{float(settings.impratio)!r}" solver="Newton"
           iterations="100" tolerance="1e-12"><flag autoreset="disable"/></option>
   <default><geom type="box" contype="0" conaffinity="0"/></default>"""

@@ -45,8 +45,8 @@ def fragile_sentence(borders: Summary, experiment: Summary) -> str:
         names = ", ".join(NAMES[name] for name in row["fragile"])
         lines.append(f"* {row['group']} '{row['name']}': the verdict of {names} differs")
     if engines := experiment.get("second_engine"):
-        same = sum(row["agree"] for row in engines["runs"])
-        lines.append(f"* MuJoCo, given the same tool motions: {same} of {len(engines['runs'])} verdicts are the same")
+        same = sum(row["agree"] for row in engines)
+        lines.append(f"* MuJoCo as the plant: {same} of {len(engines)} verdicts are the same")
     if not borders["variations"]:
         return "\n".join(lines)
     head = (

@@ -7,7 +7,7 @@ from flipdiagram.report.findings import border_sentences, fragile_sentence, lead
 from flipdiagram.report.sources import model_grid, scenario_grid
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.studies.borders.tables import border_grid, variation_grid
-from flipdiagram.studies.experiment.tables import engine_grid, engine_variants_grid, runs_grid
+from flipdiagram.studies.experiment.tables import engine_grid, runs_grid
 from flipdiagram.studies.frequency.tables import realisations_grid
 from flipdiagram.studies.place.tables import tables as place_tables
 from flipdiagram.studies.replanning.tables import tables as replanning_tables
@@ -65,7 +65,6 @@ def page(summary: Summary, studies: Mapping[str, Summary], scenario: Scenario, f
         fragile_sentence(borders, experiment),
         variation_grid(borders).section(),
         engine_grid(experiment).section(),
-        engine_variants_grid(experiment).section(),
         "## What planning again buys",
         REPLANNING,
         *(grid.section() for grid in replanning_tables(studies["replanning"])),

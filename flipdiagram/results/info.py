@@ -181,9 +181,23 @@ def _variations(variations: Sequence[Mapping[str, Any]]) -> Rows:
     return [("variations", f"{len(variations)}, a verdict differs in {fragile}")]
 
 
-def _engines(engines: Mapping[str, Any]) -> Rows:
-    agree = sum(row["drake"]["success"] == row["mujoco"]["success"] for row in engines["runs"])
-    return [("second engine", f"MuJoCo gives the same verdict in {agree} of {len(engines['runs'])} runs")]
+def _engines(rows: Sequence[Mapping[str, Any]]) -> Rows:
+    agree = sum(row["drake"]["success"] == row["mujoco"]["success"] for row in rows)
+    return [("second engine", f"MuJoCo gives the same verdict in {agree} of {len(rows)} runs")]
+
+
+def _predictions(rows: Sequence[Mapping[str, Any]]) -> Rows:
+    return [
+        (row["name"], f"{number(row['paper'])} {row['unit']}; posterior {' … '.join(map(number, row['posterior']))}")
+        for row in rows
+    ]
+
+
+def _stages(stages: Sequence[Mapping[str, Any]]) -> Rows:
+    return [
+        (f"worlds, {stage['architecture']}", f"{stage['went']} of {stage['flown']} {' or '.join(stage['wanted'])}")
+        for stage in stages
+    ]
 
 
 def _curves(curves: Sequence[Mapping[str, Any]]) -> Rows:
@@ -204,6 +218,8 @@ ROWS: Mapping[str, Any] = {
     "maps": _maps,
     "variations": _variations,
     "curves": _curves,
+    "predictions": _predictions,
+    "stages": _stages,
 }
 """Rows of an entry of summary.json."""
 

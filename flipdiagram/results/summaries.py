@@ -74,7 +74,7 @@ def calibrate(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
     draws, names = summary["draws"], [entry["name"] for entry in summary["unknowns"]]
     parts = {
         "predictions": _table(rows, ["name"]),
-        "claims": _table([dict(row) for row in summary["claims"]], ["id"]),
+        "claims": _table([dict(row) for row in summary["claim_shares"]], ["id"]),
         "draws": xr.Dataset(
             {"u": (("draw", "unknown"), np.array(draws["u"]).reshape(-1, len(names)), {"units": "1"})},
             coords={"unknown": names, "weight": ("draw", np.array(draws["weight"]), {"units": "1"})},

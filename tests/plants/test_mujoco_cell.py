@@ -145,16 +145,19 @@ def test_boxes_friction_damping_limits_and_gravity_are_drakes(tmp_path):
 
 
 class Bench:
-    """The cell alone in an engine, a constant torque on its arm."""
+    """The cell alone in an engine, a constant torque on its arm, the blade tilted by an angle [rad]."""
 
-    def __init__(self, engine, torque=None, **fields):
+    def __init__(self, engine, torque=None, tilt=0.0, **fields):
         named = {name.replace("__", "."): value for name, value in fields.items()}
         self.scenario = Scenario().with_overrides(named | {"simulation.engine": engine})
         self.arm = arm_of(self.scenario)
         task = self.scenario.task
-        self.q = self.arm.inverse_kinematics([task.start_y, task.start_z, 0.0, task.start_x, 0.0, 0.0])
+        level, self.q = (
+            self.arm.inverse_kinematics([task.start_y, task.start_z, angle, task.start_x, 0.0, 0.0])
+            for angle in (0.0, tilt)
+        )
         builder = DiagramBuilder()
-        self.cell = ENGINES[engine](builder, self.scenario, self.arm, self.q)
+        self.cell = ENGINES[engine](builder, self.scenario, self.arm, level)
         held = self.cell.holding_torque(self.q) if torque is None else torque
         source = builder.AddSystem(ConstantVectorSource(held))
         builder.Connect(source.get_output_port(), self.cell.tau)
@@ -204,6 +207,29 @@ def test_a_block_at_rest_stays_at_rest_and_its_weight_is_carried(place):
     if place == "blade":
         expected[9:] = np.cross(block[4:7], weight)
     np.testing.assert_allclose(wrench, expected, atol=1e-3 * weight[2])
+
+
+@pytest.mark.parametrize("friction", [0.4, 1.2])
+@pytest.mark.parametrize("engine", ["drake", "mujoco"])
+def test_on_a_tilted_blade_the_block_sticks_below_the_friction_angle_and_slides_above_it(engine, friction):
+    """Above it with a = g (sin θ − μ cos θ), once it moves."""
+    for share, slides in ((0.97, False), (1.1, True)):
+        tilt = share * np.arctan(friction)
+        bench = Bench(engine, tilt=tilt, object__friction=friction)
+        simulator = bench.start()
+        speeds, times = [], (0.04, 0.08)
+        before = bench.read(simulator, "block")[4:7]
+        for until in times:
+            simulator.AdvanceTo(until)
+            speeds.append(np.linalg.norm(bench.read(simulator, "block")[10:]))
+        moved = np.linalg.norm(bench.read(simulator, "block")[4:7] - before)
+        if slides:
+            gained = (speeds[1] - speeds[0]) / (times[1] - times[0])
+            assert gained == pytest.approx(
+                G * (np.sin(tilt) - friction * np.cos(tilt)), rel=0.06
+            )  # the blade yields a little
+        else:
+            assert moved < 2e-4 and speeds[1] < 5e-3
 
 
 def test_the_wrench_is_what_changes_the_blocks_momentum():

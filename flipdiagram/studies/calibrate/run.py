@@ -111,7 +111,7 @@ def calibrate(
         "unknowns": _unknowns(priors, settings, worlds, population, rejected),
         "draws": _draws(worlds, population),
         "predictions": _predictions(worlds, population, prior),
-        "claims": _claims(worlds, population, prior),
+        "claim_shares": _claims(worlds, population, prior),
         "recovered": _recovered(priors, settings, worlds, prior),
         "held_out": [_held_out(name, settings, worlds, prior) for name in settings.hold_out],
         "pairs": _pairs(worlds, prior),

@@ -51,7 +51,7 @@ def prediction_grid(summary: Summary) -> Grid:
 
 def claim_grid(summary: Summary) -> Grid:
     """In how many worlds the claims hold."""
-    rows = [[row["id"], _share(row["prior"]), _share(row["posterior"])] for row in summary["claims"]]
+    rows = [[row["id"], _share(row["prior"]), _share(row["posterior"])] for row in summary["claim_shares"]]
     headings = ["claim", "worlds of the prior", "of the posterior"]
     return Grid(headings, rows, "claims that hold", headings[1:])
 

@@ -81,7 +81,7 @@ def test_its_worlds_print_what_the_paper_prints(summary):
         low, _, high = row["posterior"]
         assert low <= row["paper"] * 1.1 and high >= row["paper"] * 0.9
         assert row["prior"][2] - row["prior"][0] > high - low
-    assert {row["id"]: row["posterior"] for row in summary["claims"]} == dict.fromkeys(
+    assert {row["id"]: row["posterior"] for row in summary["claim_shares"]} == dict.fromkeys(
         (f"E{k}" for k in range(1, 9)), pytest.approx(1.0)
     )
 

@@ -3,22 +3,19 @@
 import json
 from dataclasses import fields, replace
 
-import numpy as np
 import pytest
 
-from flipdiagram.errors import InputError, SimulationError
+from flipdiagram.errors import InputError
 from flipdiagram.files import write_summary
 from flipdiagram.flips.outcome import Outcome
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.simulation.events import Touchdown
 from flipdiagram.simulation.metrics import FlipMetrics
-from flipdiagram.simulation.recording_files import save_recording
 from flipdiagram.studies.experiment import figures as experiment_figures
-from flipdiagram.studies.experiment import mujoco as engines
 from flipdiagram.studies.experiment import run as experiment
 from flipdiagram.studies.experiment.claims import MEASURED, TEXTS, claims_of, run_entry
 from flipdiagram.studies.experiment.run import recording_name
-from flipdiagram.studies.experiment.tables import claims_grid, engine_grid, engine_variants_grid, runs_grid
+from flipdiagram.studies.experiment.tables import claims_grid, engine_grid, runs_grid
 
 STARTS = (0.0, 0.02, 0.04)
 PLAN = {"max_sliding_angle_rad": 0.9, "friction_angle_rad": 1.0, "release_angle_rad": 1.62}
@@ -227,7 +224,7 @@ def test_the_table_shows_the_summarys_numbers(tmp_path):
     assert table["joint 2, max [N m]"]["pd+ff+dob"] == "205 ± 0, last 205"
     assert table["velocity delay [ms]"]["pd+ff+dob"] == "-3 ± 0, last -3"
     assert grid.title == "starts at y = 0, 2, 4 cm"
-    assert [row[-1] for row in grid.rows if row[0].startswith("joint 2")] == ["pd+dob: 224, pd+ff+dob: 205"]
+    assert [row[-1] for row in grid.rows if row[0] == "joint 2, max [N m]"] == ["pd+dob: 224, pd+ff+dob: 205"]
 
 
 @pytest.mark.parametrize(
@@ -272,9 +269,8 @@ def test_bad_starts_are_refused_before_anything_is_written(starts, tmp_path):
 
 
 def verdicts(drake, mujoco):
-    landed = {"time_s": 0.6, "y_m": 0.0, "z_m": 0.2, "theta_rad": 3.0}
     made = [
-        {"success": good, "failure": None if good else "x", "max_slip_m": slip, "touchdown": landed}
+        {"success": good, "failure": None if good else "x", "max_slip_m": slip}
         for good, slip in ((drake, 0.001), (mujoco, 0.002))
     ]
     return {"agree": drake == mujoco, "drake": made[0], "mujoco": made[1]}
@@ -292,33 +288,43 @@ def test_engines_that_disagree_are_called_fragile(tmp_path):
         for name, found in pairs.items()
         for k, (drake, mujoco) in enumerate(found)
     ]
-    variants = [{"architecture": "pd", "variant": "soft", "settings": "text", **verdicts(False, True)}]
-    summary = stored(rows(), tmp_path, {"settings": "s", "runs": runs, "variants": variants})
+    summary = stored(rows(), tmp_path, runs)
     agree = {row[0]: (row[1], row[2], row[-1]) for row in engine_grid(summary).rows}
     assert agree["`pd`"] == ("0 of 2", "0 of 2", "yes")
     assert agree["`pd+ff`"] == ("1 of 2", "1 of 2", "**fragile**: 0 of 2")  # equal counts, different flips
     assert agree["`pd+ff+dob`"] == ("2 of 2", "1 of 2", "**fragile**: 1 of 2")
-    assert engine_variants_grid(summary).rows == [["soft", "yes, 3.00 rad", "–", "–", "–", "text"]]
     assert not engine_grid(stored(rows(), tmp_path)).rows
 
 
-def test_an_engine_that_breaks_down_leaves_drakes_verdict_as_it_was(tmp_path, monkeypatch):
-    from synthetic import recording
+def test_every_flip_is_flown_in_mujoco_too_and_one_that_breaks_down_leaves_drakes_verdict_as_it_was(
+    tmp_path, monkeypatch
+):
+    asked = []
 
-    data = recording("pd+ff+dob")
-    path = tmp_path / "a.nc"
-    save_recording(data, replace(BASE, architecture="pd+ff+dob"), path)
+    def flown(flips, out, **settings):
+        asked.extend((flip.scenario.simulation.engine, flip.architecture, flip.recording) for flip in flips)
+        return [
+            Outcome(None, "diverged: MuJoCo's state is not finite")
+            if flip.scenario.simulation.engine == "mujoco" and flip.architecture == "pd"
+            else Outcome(replace(BASE, architecture=flip.architecture), None, PLAN)
+            for flip in flips
+        ]
 
-    def broken(*arguments):
-        raise SimulationError("MuJoCo diverged at 0.1 s")
-
-    monkeypatch.setattr(engines, "compare", broken)
-    found = engines._verdict(path, engines.VARIANTS["default"])
-    assert found["agree"] is False
-    assert found["drake"]["success"] is True and found["drake"]["touchdown"]["theta_rad"] > np.pi / 2
-    assert found["mujoco"] == {
-        "success": False,
-        "failure": "MuJoCo diverged at 0.1 s",
-        "max_slip_m": None,
-        "touchdown": None,
-    }
+    monkeypatch.setattr(experiment, "run_flips", flown)
+    experiment.run(Scenario(), tmp_path, starts=[0.0], architectures=["pd", "pd+dob"])
+    assert [(engine, name) for engine, name, _ in asked] == [
+        ("drake", "pd"),
+        ("drake", "pd+dob"),
+        ("mujoco", "pd"),
+        ("mujoco", "pd+dob"),
+    ]
+    assert [file is None for *_, file in asked] == [False, False, True, True]
+    lost, same = json.loads((tmp_path / "summary.json").read_text())["second_engine"]
+    assert lost["agree"] is False and lost["drake"]["success"] is True
+    assert lost["mujoco"] == {"success": False, "failure": "diverged: MuJoCo's state is not finite", "max_slip_m": None}
+    assert same["agree"] is True and same["start_y_m"] == 0.0
+    # in MuJoCo there is nothing to compare with
+    experiment.run(
+        Scenario().with_overrides({"simulation.engine": "mujoco"}), tmp_path / "m", starts=[0.0], architectures=["pd"]
+    )
+    assert json.loads((tmp_path / "m" / "summary.json").read_text())["second_engine"] is None
