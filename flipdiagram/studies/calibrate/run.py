@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from flipdiagram.arrays import Floats
-from flipdiagram.campaign.checks import changes_of
+from flipdiagram.campaign.checks import changes_of, check_estimate
 from flipdiagram.campaign.run import WORK
 from flipdiagram.campaign.specification import Specification, value_of
 from flipdiagram.errors import InputError
@@ -74,11 +74,13 @@ def run(
     if yes:
         priors = replace(priors, limit_hours=math.inf)
     flips = len(needed(settings.starts)) * (priors.trials + settings.rounds * settings.population)
-    stored = open_to_write(Path(out) / FILE, {"digest": "flips of a calibration"})
-    with stored as store, workers_of(jobs, scheduler) as workers:
+    with workers_of(jobs, scheduler) as workers:
+        check_estimate(priors, max(workers.width(), 1), flips / priors.rows)  # before anything is written
+        stored = open_to_write(Path(out) / FILE, {"digest": "flips of a calibration"})
         clock = Clock(flips, progress)
-        worlds = Worlds(priors, settings.starts, Flying(workers, store, work, priors.limits, clock.tick))
-        body = calibrate(priors, settings, worlds, progress)
+        with stored as store:
+            worlds = Worlds(priors, settings.starts, Flying(workers, store, work, priors.limits, clock.tick))
+            body = calibrate(priors, settings, worlds, progress)
     write_summary(Path(out) / "summary.json", "calibrate", priors.base, body)
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flipdiagram.campaign.checks import changes_of, load_specification
+from flipdiagram.campaign.checks import changes_of, check_estimate, load_specification
 from flipdiagram.campaign.run import WORK
 from flipdiagram.campaign.specification import value_of
 from flipdiagram.campaign.statistics import success_rate
@@ -58,17 +58,20 @@ def run(
     box = load_specification(file, changes_of(scenario))
     if yes:
         box = replace(box, limit_hours=math.inf)
-    stored = open_to_write(Path(out) / FILE, {"digest": "flips of an inverse problem"})
-    with stored as store, workers_of(jobs, scheduler) as workers:
-        clock = Clock(box.trials, lambda text: None)
-        search = Search(box, Flying(workers, store, work, box.limits, clock.tick))
-        worlds = search.run(lambda done, found: progress(f"{done} of {box.trials} worlds, {found} as the paper tells"))
-        found = sorted((world for world in worlds if world.passed == len(STAGES)), key=lambda world: world.index)
-        least = None
-        if found:
-            progress("the smallest change that does it")
-            least = min((search.smallest(world) for world in found[:MISSES]), key=lambda world: len(world.dimensions))
-            _record(search, least, Path(out), Flying(workers, store, work, box.limits))
+    with workers_of(jobs, scheduler) as workers:
+        # before anything is written; most worlds end with the first controller
+        check_estimate(box, max(workers.width(), 1), 1 / len(box.architectures))
+        with open_to_write(Path(out) / FILE, {"digest": "flips of an inverse problem"}) as store:
+            clock = Clock(box.trials, lambda text: None)
+            search = Search(box, Flying(workers, store, work, box.limits, clock.tick))
+            worlds = search.run(lambda done, found: progress(f"{done}/{box.trials} worlds, {found} as the paper tells"))
+            found = [world for world in worlds if world.passed == len(STAGES)]
+            least = None
+            if found:
+                progress("the smallest change that does it")
+                smallest = [search.smallest(world) for world in found[:MISSES]]
+                least = min(smallest, key=lambda world: len(world.dimensions))
+                _record(search, least, Path(out), Flying(workers, store, work, box.limits))
     write_summary(Path(out) / "summary.json", "inverse", box.base, _body(worlds, found, least, box.base))
 
 

@@ -205,3 +205,10 @@ def test_the_example_is_valid():
 def test_no_file_is_one_line():
     with pytest.raises(InputError, match="calibrate needs a FILE; see examples/calibration.yaml"):
         study.run(Scenario(), "nowhere", file=None)
+
+
+def test_one_that_would_take_too_long_is_refused_before_anything_is_written(tmp_path):
+    (tmp_path / "long.yaml").write_text(PRIORS.replace("seed: ", "limit_hours: 0.001\nseed: "))
+    with pytest.raises(InputError, match="would take about .* limit_hours is 0.001"):
+        study.run(Scenario(), tmp_path / "out", file=str(tmp_path / "long.yaml"), jobs=1, work=AS_PRINTED)
+    assert not (tmp_path / "out").exists()

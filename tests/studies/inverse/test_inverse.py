@@ -95,3 +95,10 @@ def test_nothing_found_is_said(tmp_path):
 def test_no_file_is_one_line():
     with pytest.raises(InputError, match="inverse needs the FILE of a campaign"):
         study.run(Scenario(), "nowhere", file=None)
+
+
+def test_one_that_would_take_too_long_is_refused_before_anything_is_written(tmp_path):
+    (tmp_path / "long.yaml").write_text(BOX.replace("seed: ", "limit_hours: 0.001\nseed: "))
+    with pytest.raises(InputError, match="would take about .* limit_hours is 0.001"):
+        study.run(Scenario(), tmp_path / "out", file=str(tmp_path / "long.yaml"), jobs=1, work=AS_TOLD)
+    assert not (tmp_path / "out").exists()
