@@ -20,44 +20,12 @@ from flipdiagram.arrays import Floats
 from flipdiagram.blocks.block import Block
 from flipdiagram.errors import SimulationError
 from flipdiagram.plants.handle import Cell, add_joint_torque, add_model, add_push
-from flipdiagram.plants.mujoco_contact import Settings, compiled, import_mujoco
+from flipdiagram.plants.mujoco_contact import CELL, Settings, compiled, import_mujoco
 from flipdiagram.plants.mujoco_model import cell_model
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.parts import Parts
 from flipdiagram.scenario.scenario import Scenario
 
-CELL = Settings(timestep=5e-5, time_constant=5e-4)
-"""From flips by pd+ff+dob with an elliptic cone and impratio 100; τ is the time constant, h MuJoCo's step, slip in mm
-until 0.47 s, while the face lies on the blade, and until the last edge leaves it, lift-off in µm, touch-down in rad:
-
-| τ [ms] | h [ms] | slip, face | slip, all | lift-off | touch-down | CPU [s] |
-|---|---|---|---|---|---|---|
-| 2 | 0.25, 0.05, 0.01 | 0.84, 0.94, 0.96 | 0.86, 0.95, 0.97 | 4, 1, 0 | 2.723, 2.720, 2.710 | 1.8, 2.0, 4.7 |
-| 1 | 0.25, 0.05, 0.01 | 0.38, 0.46, 0.48 | 0.39, 0.48, 0.51 | 3, 1, 0 | 2.712, 2.719, 2.710 | 1.4, 1.9, 5.6 |
-| 0.5 | 0.25, 0.05, 0.01 | 0.14, 0.22, 0.24 | 0.21, 0.24, 0.26 | 23, 2, 0 | 2.698, 2.718, 2.709 | 1.6, 2.2, 4.5 |
-| 0.2 | 0.1, 0.05, 0.025 | 0.08, 0.10, 0.10 | 0.58, 0.40, 0.17 | 143, 34, 3 | 2.707, 2.706, 2.710 | 1.3, 1.9, 2.5 |
-| Drake | 1, 0.5 | 0.48, 0.24 | 0.51, 0.29 | 86, 51 | 2.739, 2.737 | 3.9, 4.9 |
-
-All turn over.  The block creeps in proportion to τ, in Drake to the step: neither engine counts how the Jacobian J of
-the contact changes, so the face moves at τ/2, or half a step, times J' q'; on a rigid blade it would hardly slip.
-Eight steps to a time constant keep the face quiet; where it hops, the last edge makes it more.  Cone and impratio
-change little (τ = 0.5, h = 0.125: pyramidal / 1 slips 0.20 mm, elliptic / 1, 10, 100 slip 0.19 mm until 0.47 s).
-
-At τ = 0.5 the last edge needs the short step, the face on the blade and then on the table does not: steps of two or
-three h while at least four points touch, one h else, beside one length throughout (CPU of a whole flip):
-
-| h [ms], flat | h [ms], else | slip, face | slip, all | touch-down | CPU [s] |
-|---|---|---|---|---|---|
-| 0.01 | 0.01 | 0.24 | 0.26 | 2.709 | 2.8 |
-| 0.05 | 0.05 | 0.22 | 0.24 | 2.718 | 1.0 |
-| 0.1 | 0.05 | 0.21 | 0.25 | 2.714 | 0.8 |
-| 0.15 | 0.05 | 0.20 | 0.22 | 2.721 | 0.7 |
-| 0.1 | 0.1 | 0.21 | 0.44 | 2.706 | 0.65 |
-| 0.125 | 0.0625 | 0.21 | 0.33 | 2.703 | 0.6 |
-
-Of 20 flips (four architectures; payload, start, friction of block and joints varied) 0.1 / 0.05 gives the verdicts of
-0.05 / 0.05, touch-down within 0.05 rad where the block turns over and the release within 6 ms.
-"""
 LEAP = 2
 """Steps in one while a face lies flat."""
 FLAT = 4
