@@ -2,6 +2,7 @@
 
     python docs/publish.py out/report       what `flipdiagram report` wrote
     python docs/publish.py out/bench        what `make bench` wrote
+    python docs/publish.py out/engines      what `flipdiagram engines` wrote
 
 The numbers in README.md and docs come from those runs: none is typed by hand.
 """
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from flipdiagram.report.claims import claims_grid
+from flipdiagram.report.optional import section
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -24,16 +26,17 @@ ROOT = Path(__file__).resolve().parent.parent
 def main() -> int:
     """Publish the folder named on the command line; refuses a quick run, and a benchmark of some pieces only."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path, help="folder of `flipdiagram report` or of `make bench`")
+    parser.add_argument("folder", type=Path, help="folder of `flipdiagram report`, `flipdiagram engines`, `make bench`")
     folder = parser.parse_args().folder
     of_bench = (folder / "bench.json").exists()
     found = json.loads((folder / ("bench.json" if of_bench else "summary.json")).read_text(encoding="utf-8"))
-    if found["quick"] or (of_bench and not found["complete"]):
+    if found.get("quick") or (of_bench and not found["complete"]):
         print(f"{folder} is not of a whole run; valid is one", file=sys.stderr)
         return 2
-    block = bench(folder) if of_bench else report(folder, found)
+    kind = "bench" if of_bench else found["schema"].split("/")[1]
+    block = bench(folder) if of_bench else {"report": report, "engines": engines}[kind](folder, found)
     readme = ROOT / "README.md"
-    text = with_block(readme.read_text(encoding="utf-8"), "bench" if of_bench else "report", block)
+    text = with_block(readme.read_text(encoding="utf-8"), kind, block)
     readme.write_text(text, encoding="utf-8")
     print("published to docs and README.md")
     return 0
@@ -60,6 +63,26 @@ def readme_block(summary: dict[str, Any]) -> str:
         f" {'does' if len(failed) == 1 else 'do'} not (Drake {versions['drake']}, Python {versions['python']}):\n\n"
     )
     return intro + claims_grid(summary).markdown()
+
+
+def engines(folder: Path, summary: dict[str, Any]) -> str:
+    """Write where two engines agree into docs/engines.md; returns what the README shows of it."""
+    versions = summary["versions"]
+    head = f"# Two engines\n\nDrake {versions['drake']}, Python {versions['python']}.\n\n"
+    _copy(folder / "engines.png", ROOT / "docs" / "engines.png")
+    text = section("engines", folder).replace("](engines/", "](")
+    (ROOT / "docs" / "engines.md").write_text(head + text + "\n", encoding="utf-8")
+    entries = summary["architectures"].values()
+    equal, counted = (sum(entry[name] for entry in entries) for name in ("equal", "counted"))
+    by_name = ", ".join(
+        f"{name} {100 * entry['rate']:.1f} % ({100 * entry['low']:.1f}–{100 * entry['high']:.1f} %)"
+        for name, entry in summary["architectures"].items()
+    )
+    share = f"{equal} of {counted} flips, {100 * equal / counted:.1f} %"
+    return (
+        f"In {summary['trials']} worlds drawn as in `examples/campaign.yaml`, with four controllers each, both engines"
+        f" say the same of {share}: {by_name}. [docs/engines.md](docs/engines.md) shows where the others lie.\n"
+    )
 
 
 def bench(folder: Path) -> str:

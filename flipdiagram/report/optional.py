@@ -44,7 +44,7 @@ SECTIONS = {
 
 def optional_sections(folder: Path) -> str:
     """The sections of the studies below `folder` that are there, campaign and tuning last; '' without any."""
-    parts = [_section(name, section, folder / name) for name, section in SECTIONS.items() if _there(folder / name)]
+    parts = [section(name, folder / name) for name in SECTIONS if _there(folder / name)]
     campaign = report_section(folder)
     return "\n\n".join([*parts, f"## How often does it work?\n\n{campaign}"] if campaign else parts)
 
@@ -53,10 +53,12 @@ def _there(folder: Path) -> bool:
     return (folder / "summary.json").is_file()
 
 
-def _section(name: str, section: Section, folder: Path) -> str:
+def section(name: str, folder: Path) -> str:
+    """The section of a study that lies in a folder, its figures drawn anew."""
+    of = SECTIONS[name]
     study, summary = STUDIES[name], json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     study.figures(summary, folder)
     grids = [grid.section() for grid in study.tables(summary) if isinstance(grid, Grid) and grid.rows]
-    drawn = [(picture, text) for picture, text in section.pictures if (folder / f"{picture}.png").is_file()]
+    drawn = [(picture, text) for picture, text in of.pictures if (folder / f"{picture}.png").is_file()]
     pictures = [f"![{text}]({name}/{picture}.png)\n\n*{text}*" for picture, text in drawn]
-    return "\n\n".join([f"## {section.heading}", section.text, *grids, *pictures])
+    return "\n\n".join([f"## {of.heading}", of.text, *grids, *pictures])
