@@ -11,11 +11,10 @@ from flipdiagram.campaign.specification import Specification, value_of
 from flipdiagram.campaign.statistics import paired, success_rate
 from flipdiagram.campaign.tuning import Goal, TuneSection
 from flipdiagram.errors import InputError
-from flipdiagram.flips.driver import Flying, fly_all
-from flipdiagram.flips.flight import Flight, Work
-from flipdiagram.flips.flip import Flip
+from flipdiagram.flips.driver import Flying
+from flipdiagram.flips.flight import Work
 from flipdiagram.flips.outcome import MODES, SUCCESS, Outcome
-from flipdiagram.flips.run import Clock, Progress
+from flipdiagram.flips.run import Clock, Progress, fly_kept
 from flipdiagram.flips.store_file import open_to_write
 from flipdiagram.flips.workers import workers_of
 
@@ -138,20 +137,13 @@ def _fly(
     specification: Specification, candidates: Sequence[Gains], tuning: TuneSection, flying: Flying, clock: Clock
 ) -> list[Candidate]:
     """Fly sets of gains over trials, apart from what the store holds: the candidates with their outcomes."""
-    name, store = tuning.architecture, flying.store
-    keys: list[list[str]] = []
-    missing: dict[str, Flight] = {}
+    flights = []
     for gains in candidates:
         tuned = replace(specification, base=specification.base.with_overrides(gains))
-        flights = [tuned.flight(tuned.trial(k), name) for k in range(specification.trials)]
-        keys.append([f"{Flip(flight.truth, name).key} {flight.plan_key}" for flight in flights])
-        for key, flight in zip(keys[-1], flights, strict=True):
-            if store.outcome(key, name) is None:
-                missing[key] = replace(flight, trial=key)
-    clock.total -= len(candidates) * specification.trials - len(missing)  # of an earlier run
-    fly_all(missing.values(), len(missing), flying)
-    outcomes = [tuple(o for key in one if (o := store.outcome(key, name)) is not None) for one in keys]
-    return [Candidate(gains, o, tuning.goal) for gains, o in zip(candidates, outcomes, strict=True)]
+        flights += [tuned.flight(tuned.trial(k), tuning.architecture) for k in range(specification.trials)]
+    outcomes = fly_kept(flights, flying, lambda missing: clock.leave_out(len(flights) - missing))
+    each = [tuple(outcomes[k : k + specification.trials]) for k in range(0, len(outcomes), specification.trials)]
+    return [Candidate(gains, of, tuning.goal) for gains, of in zip(candidates, each, strict=True)]
 
 
 def _summary(

@@ -109,6 +109,6 @@ def save(figure: Figure, path: str | Path, dpi: int = 150) -> list[Path]:
             target = Path(f"{path}.{suffix}")
             with atomic_path(target) as temporary:
                 figure.savefig(temporary, format=suffix, dpi=dpi, metadata=metadata)
-            figure.set_layout_engine("none")  # laid out once, a third of the time of both
+            figure.set_layout_engine("none")  # laid out once, for both
             written.append(target)
     return written

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from flipdiagram.errors import SimulationError
@@ -41,12 +42,30 @@ def run_flips(
                 limits = Limits(max(map(_timeout, missing.values())), MEMORY)
                 flying = Flying(workers, store, WORK, limits, Clock(len(missing), progress).tick)
                 fly_all(flights, len(flights), flying)
-        outcomes = [_outcome(flip, store) for flip in flips]
+        outcomes = [_kept(store, flip.key, flip.architecture) for flip in flips]
     for outcome in outcomes:
         if outcome.mode in LOST:
             bug = outcome.mode == "crashed" and "lost its worker" not in str(outcome.failure)
             raise (RuntimeError if bug else SimulationError)(f"a flip was lost, {outcome.failure}; the others are kept")
     return outcomes
+
+
+def fly_kept(
+    flights: Sequence[Flight], flying: Flying, told: Callable[[int], object] = lambda missing: None
+) -> list[Outcome]:
+    """What became of flights, in their order; only those whose question the store does not hold are flown.
+
+    told: how many those are.  A question is the true scenario, the architecture and the motion.
+    """
+    keys = [f"{Flip(flight.truth, flight.architecture).key} {flight.plan_key}" for flight in flights]
+    missing = {
+        key: replace(flight, trial=key)
+        for key, flight in zip(keys, flights, strict=True)
+        if flying.store.outcome(key, flight.architecture) is None
+    }
+    told(len(missing))
+    fly_all(missing.values(), len(missing), flying)
+    return [_kept(flying.store, key, flight.architecture) for key, flight in zip(keys, flights, strict=True)]
 
 
 def is_done(flip: Flip, store: Store, out: Path) -> bool:
@@ -70,8 +89,8 @@ def _timeout(flip: Flip) -> float:
     return LEAST_TIMEOUT + PACE * (settings.lead_time + 1.0 + settings.settle_time) * max(0.001 / settings.step, 1.0)
 
 
-def _outcome(flip: Flip, store: Store) -> Outcome:
-    outcome = store.outcome(flip.key, flip.architecture)
+def _kept(store: Store, key: str, architecture: str) -> Outcome:
+    outcome = store.outcome(key, architecture)
     assert outcome is not None, "every flip has been flown"
     return outcome
 
@@ -81,6 +100,10 @@ class Clock:
 
     def __init__(self, total: int, progress: Progress = lambda text: None) -> None:
         self.total, self.done, self.begin, self._progress = total, 0, time.monotonic(), progress
+
+    def leave_out(self, flips: int) -> None:
+        """So many need not be flown: an earlier run has."""
+        self.total -= flips
 
     def tick(self) -> str:
         """One more is done: 'flips 12/96, 3:04 left'."""

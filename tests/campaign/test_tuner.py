@@ -62,7 +62,7 @@ def test_the_search_is_the_same_on_one_process_and_goes_on_where_it_was(found, t
     with pytest.raises(KeyboardInterrupt):
         tune(*wanted(), tmp_path, jobs=1, work=GAINS, progress=stop)
     assert tune(*wanted(), tmp_path, jobs=1, work=GAINS) == result
-    monkeypatch.setattr("flipdiagram.campaign.tuner.fly_all", lambda jobs, *rest: list(jobs) and 1 / 0)
+    monkeypatch.setattr("flipdiagram.flips.run.fly_all", lambda jobs, *rest: list(jobs) and 1 / 0)
     assert tune(*wanted(), folder, jobs=1, work=GAINS) == result  # nothing is flown again
 
 

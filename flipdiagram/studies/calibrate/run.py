@@ -79,7 +79,7 @@ def run(
         stored = open_to_write(Path(out) / FILE, {"digest": "flips of a calibration"})
         clock = Clock(flips, progress)
         with stored as store:
-            worlds = Worlds(priors, settings.starts, Flying(workers, store, work, priors.limits, clock.tick))
+            worlds = Worlds(priors, settings.starts, Flying(workers, store, work, priors.limits, clock.tick), clock)
             body = calibrate(priors, settings, worlds, progress)
     write_summary(Path(out) / "summary.json", "calibrate", priors.base, body)
 

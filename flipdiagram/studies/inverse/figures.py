@@ -21,7 +21,7 @@ def write_figures(summary: Summary, out: Path, *, progress: Progress = silent) -
 
 
 def plot_mechanism(files: dict[str, Path]) -> Figure:
-    """Friction cone used and way slid, then each joint's error of speed against what the tool's command asks of it."""
+    """Friction cone used and way slid, then how far each joint's speed is from that under FF+DOB, until the release."""
     data = {name: load_recording(file) for name, file in files.items()}
     joints = list(next(iter(data.values()))["joint"].values)
     axes = new_axes(2 + len(joints), (7.0, 1.3 * (2 + len(joints)) + 1))

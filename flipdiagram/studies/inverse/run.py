@@ -14,7 +14,6 @@ from flipdiagram.errors import InputError
 from flipdiagram.files import plain, write_summary
 from flipdiagram.flips.driver import Flying, fly_all
 from flipdiagram.flips.flight import Work
-from flipdiagram.flips.run import Clock
 from flipdiagram.flips.store_file import open_to_write
 from flipdiagram.flips.workers import workers_of
 from flipdiagram.scenario.scenario import Scenario
@@ -62,8 +61,8 @@ def run(
         # before anything is written; most worlds end with the first controller
         check_estimate(box, max(workers.width(), 1), 1 / len(box.architectures))
         with open_to_write(Path(out) / FILE, {"digest": "flips of an inverse problem"}) as store:
-            clock = Clock(box.trials, lambda text: None)
-            search = Search(box, Flying(workers, store, work, box.limits, clock.tick))
+            flying = Flying(workers, store, work, box.limits)
+            search = Search(box, flying)
             worlds = search.run(lambda done, found: progress(f"{done}/{box.trials} worlds, {found} as the paper tells"))
             found = [world for world in worlds if world.passed == len(STAGES)]
             least = None
@@ -71,7 +70,7 @@ def run(
                 progress("the smallest change that does it")
                 smallest = [search.smallest(world) for world in found[:MISSES]]
                 least = min(smallest, key=lambda world: len(world.dimensions))
-                _record(search, least, Path(out), Flying(workers, store, work, box.limits))
+                _record(search, least, Path(out), flying)
     write_summary(Path(out) / "summary.json", "inverse", box.base, _body(worlds, found, least, box.base))
 
 
@@ -80,7 +79,7 @@ def _record(search: Search, world: World, out: Path, flying: Flying) -> None:
     flights = []
     for name, _ in STAGES:
         if (flight := search.flight(world, name)) is not None:
-            flights.append(replace(flight, trial=f"recorded {flight.trial}", recording=out / f"{name}.nc"))
+            flights.append(replace(flight, trial=f"recorded {name}", recording=out / f"{name}.nc"))
             flying.store.forget(flights[-1].trial, name)
     fly_all(flights, len(flights), flying)
 
