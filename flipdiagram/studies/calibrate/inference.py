@@ -15,6 +15,8 @@ from flipdiagram.arrays import Floats
 
 EDGE = 1e-3
 """Distance from a face of the cube up to which logit(u) is followed."""
+DRAWS_PER_NUMBER = 5
+"""Draws for each coefficient of the regression, at least: fewer are fitted so well that their intervals vanish."""
 KERNEL = 2.0
 """Covariance of a step over the population's."""
 INTERVAL = (0.05, 0.5, 0.95)
@@ -118,7 +120,7 @@ def adjusted(population: Population, deviation: Floats) -> tuple[Floats, Floats]
     in the distance, so that no draw leaves the cube; with too few draws for that they stay as they are.
     """
     u, weight = population.u, population.weight
-    if len(u) <= deviation.shape[1] + 2:
+    if len(u) < DRAWS_PER_NUMBER * (deviation.shape[1] + 1):
         return u, weight
     reach = population.distance.max() * (1 + 1e-9)
     weight = weight * (1 - (population.distance / reach) ** 2 if reach > 0 else 1.0)

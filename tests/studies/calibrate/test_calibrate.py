@@ -42,7 +42,7 @@ sampler: lhs
 trials: 60
 seed: 3
 calibrate:
-  population: 15
+  population: 36
   rounds: 1
   synthetic: 10
   sources: {object.mass: a pair of scales}
@@ -96,7 +96,7 @@ def test_data_held_out_are_predicted_and_synthetic_worlds_found_again(summary):
 def test_rounds_come_nearer(summary):
     distances = [entry["distance"] for entry in summary["rounds"]]
     assert distances == sorted(distances, reverse=True) and distances[-1] < distances[0]
-    assert summary["worlds"] == 60 + 15 * (len(distances) - 1)
+    assert summary["worlds"] == 60 + 36 * (len(distances) - 1)
 
 
 def test_an_interrupted_calibration_goes_on_and_ends_the_same(folder, summary, tmp_path):
@@ -177,7 +177,7 @@ def test_a_world_in_which_a_controller_fails_cannot_be_measured_by_that():
     ("change", "message"),
     [
         (("rounds: 1", "rounds: -1"), "line 12: calibrate: rounds = -1 is not valid; valid is a whole number from 0"),
-        (("population: 15", "population: 500"), "population = 500 is not valid; valid is at most the trials, 60"),
+        (("population: 36", "population: 500"), "population = 500 is not valid; valid is at most the trials, 60"),
         (("rounds: 1", "starts: [0.0]"), "calibrate: starts = [0.0] is not valid; valid is at least two starts"),
         (("rounds: 1", "starts: [0.0, 9.0]"), "task.start_y"),
         (("rounds: 1", "hold_out: [E9]"), "hold_out = 'E9' is not valid; valid is one of position RMSE"),

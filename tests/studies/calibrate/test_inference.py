@@ -111,3 +111,12 @@ def test_no_draw_leaves_the_cube():
     moved, weight = adjusted(population, seen[population.index] - 0.01)
     assert np.all((moved > 0) & (moved < 1)) and weight.sum() == pytest.approx(1.0)
     assert inference.INTERVAL == (0.05, 0.5, 0.95)
+
+
+def test_draws_too_few_for_the_regression_stay_as_they_are():
+    """Fitted to a dozen draws, half a dozen numbers would explain unknowns that they say nothing of."""
+    rng = np.random.default_rng(4)
+    population = rejection(rng.random((24, 3)), rng.random(24), 12)
+    moved, weight = adjusted(population, rng.standard_normal((12, 6)))
+    np.testing.assert_array_equal(moved, population.u)
+    np.testing.assert_array_equal(weight, population.weight)
