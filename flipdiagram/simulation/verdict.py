@@ -1,6 +1,6 @@
 """The verdict on a recorded flip and its cause, from forces and poses alone, never from the plan's promises.
 
-What comes first is the cause; what follows from it is not.  A block that left the blade too early did so because
+What came first is the cause.  A block that left the blade too early did so because
 
 * a joint's torque was at its limit for `LIMITED` in all, or
 * the blade struck the table, or
@@ -8,7 +8,8 @@ What comes first is the cause; what follows from it is not.  A block that left t
   first `BEGINNING` of the planned contact phase that is "at the start", or
 * it tipped: it had turned by `TIPPED` against the blade, or left it with hardly any slip.
 
-A slide or a turn counts from when it has gone that far: blocks slide by half a centimetre and are turned over.
+A slide or a turn counts from when it has gone that far, and only without a strike: blocks slide by two centimetres,
+stick again and are turned over, so a block that was still there when the blade struck had not slid off.
 """
 
 from typing import NamedTuple
@@ -90,7 +91,7 @@ def _causes(data: Recording, lost: int) -> dict[str, Event]:
         longest = limited.max(axis=1)
         if longest[lost] > LIMITED:
             found["torque limit"] = Event(time[np.argmax(longest > LIMITED)], time[np.argmax(longest > 0)])
-    if lost <= start:
+    if lost <= start or "struck the table" in found:
         return found
     carried = slice(start, lost + 1)
     relative = in_tool(data)[carried]

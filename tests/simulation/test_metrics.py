@@ -152,16 +152,25 @@ def test_a_slide_is_dated_by_when_the_friction_was_used_up(begin, way, failure):
     assert verdict.cause_of(verdict.judge(data)[1]) == failure.partition(" from")[0]
 
 
-def test_what_went_far_enough_first_is_the_cause():
+def test_a_strike_is_the_cause_whatever_slid_before_and_a_slide_only_without_one():
+    """The block that slid, stuck and was still there when the blade struck had not slid off."""
     data = synthetic.recording("pd+ff").copy(deep=True)
-    slide(data, 0.05, 0.02, 0.1)  # 10 mm at 0.1 s
+    slide(data, 0.05, 0.02, 0.1)  # 10 mm at 0.1 s, at rest again at 0.15 s
+    assert verdict.cause_of(verdict.judge(data)[1]) == "slid at the start"
     time = data["time"].values
-    struck = data.copy(deep=True)
-    struck["contact_force"].values[int(np.searchsorted(time, 0.09)), 2] = [0, 0, 5.0]
-    assert verdict.cause_of(verdict.judge(struck)[1]) == "struck the table"
-    later = data.copy(deep=True)
-    later["contact_force"].values[int(np.searchsorted(time, 0.12)), 2] = [0, 0, 5.0]
-    assert verdict.cause_of(verdict.judge(later)[1]) == "slid at the start"
+    for strike in (0.09, 0.16):
+        struck = data.copy(deep=True)
+        struck["contact_force"].values[int(np.searchsorted(time, strike)), 2] = [0, 0, 5.0]
+        assert verdict.judge(struck)[1].startswith(f"struck the table at {strike:.3f} s, dropped")
+    after = data.copy(deep=True)  # the block is gone already
+    after["contact_force"].values[int(np.searchsorted(time, 0.25)), 2] = [0, 0, 5.0]
+    assert verdict.cause_of(verdict.judge(after)[1]) == "slid at the start"
+
+
+def test_of_a_torque_limit_and_a_slide_the_first_is_the_cause():
+    data = synthetic.recording("pd+ff").copy(deep=True)
+    slide(data, 0.05, 0.02, 0.1)
+    time = data["time"].values
     weak = data.copy(deep=True)
     weak["tau"].attrs["limit"] = [10.0] * 6
     weak["tau"].values[:] = 0.0
