@@ -36,6 +36,7 @@ NO_PLAN, PLAN_HANGS = 0.011, 0.012
 """Friction margins with a meaning for `plan`."""
 
 
+MOTION = {"max_sliding_angle_rad": 0.9, "friction_angle_rad": 1.0, "release_angle_rad": 1.7}
 SIX = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
 
 
@@ -108,8 +109,7 @@ def fly_as_printed(flight, plan):
     measured = replace(metrics_of(flight, won), start_y_m=truth.task.start_y, **numbers)
     if not won:
         measured = replace(measured, failure="slid at the start from 0.050 s, dropped at 0.200 s")
-    motion = {"max_sliding_angle_rad": 0.9, "friction_angle_rad": 1.0, "release_angle_rad": 1.7}
-    return Landed(Outcome(measured, measured.failure, motion, 0.5), 0.0, *provenance())
+    return Landed(Outcome(measured, measured.failure, MOTION, 0.5), 0.0, *provenance())
 
 
 def fly_as_told(flight, plan):

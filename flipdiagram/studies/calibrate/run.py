@@ -31,7 +31,7 @@ from flipdiagram.studies.calibrate.observations import (
     agreements,
     deviations,
     distance,
-    needed,
+    stages,
 )
 from flipdiagram.studies.calibrate.section import CalibrateSection, load_calibration
 from flipdiagram.studies.calibrate.worlds import Worlds
@@ -73,7 +73,7 @@ def run(
     priors, settings = load_calibration(file, changes_of(scenario))
     if yes:
         priors = replace(priors, limit_hours=math.inf)
-    flips = len(needed(settings.starts)) * (priors.trials + settings.rounds * settings.population)
+    flips = sum(map(len, stages(settings.starts))) * (priors.trials + settings.rounds * settings.population)
     with workers_of(jobs, scheduler) as workers:
         check_estimate(priors, max(workers.width(), 1), flips / priors.rows)  # before anything is written
         stored = open_to_write(Path(out) / FILE, {"digest": "flips of a calibration"})

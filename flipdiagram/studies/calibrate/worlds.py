@@ -2,17 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from flipdiagram.arrays import Floats
-from flipdiagram.campaign.specification import Specification
+from flipdiagram.campaign.specification import Specification, Trial
 from flipdiagram.errors import InputError
 from flipdiagram.flips.driver import Flying
 from flipdiagram.flips.flight import Flight
 from flipdiagram.flips.outcome import Outcome
 from flipdiagram.flips.run import Clock, fly_kept
-from flipdiagram.studies.calibrate.observations import NOTHING, Observation, needed, observe
+from flipdiagram.studies.calibrate.observations import NOTHING, Observation, observe, stages
 
 BATCH = 200
 """Worlds flown before the next are made: all of them at once would wait in memory."""
@@ -23,7 +24,7 @@ class Worlds:
 
     def __init__(self, priors: Specification, starts: Sequence[float], flying: Flying, clock: Clock) -> None:
         self._priors, self._flying, self._clock = priors, flying, clock
-        self._starts, self._asked = tuple(starts), needed(starts)
+        self._starts = tuple(starts)
         self.u = np.empty((0, len(priors.dimensions)))
         self.observations: list[Observation] = []
 
@@ -36,23 +37,31 @@ class Worlds:
         return np.arange(first, first + len(u))
 
     def _observe(self, u: Floats) -> list[Observation]:
-        worlds = [self._flights(point) for point in u]
-        flights = [flight for world in worlds for flight in world]
-        expected = len(u) * len(self._asked)
-        outcomes = iter(fly_kept(flights, self._flying, lambda missing: self._clock.leave_out(expected - missing)))
-        return [self._seen([next(outcomes) for _ in world]) for world in worlds]
+        drawn = [self._priors.drawn(0, point.tolist(), self._priors.seeds[0]) for point in u]
+        flown: list[dict[tuple[str, float], Outcome]] = [{} for _ in drawn]
+        going = list(range(len(drawn)))
+        for stage in stages(self._starts):
+            flights = {k: self._flights(drawn[k], stage) for k in going}
+            flights = {k: own for k, own in flights.items() if own}
+            asked = [flight for own in flights.values() for flight in own]
+            expected = len(drawn) * len(stage)
+            outcomes = iter(fly_kept(asked, self._flying, partial(self._leave_out, expected)))
+            for k, own in flights.items():
+                flown[k].update(zip(stage, [next(outcomes) for _ in own], strict=True))
+            going = [k for k in flights if all(flown[k][name, y].success for name, y in stage if "dob" in name)]
+        whole = sum(len(stage) for stage in stages(self._starts))
+        return [observe(flips, self._starts) if len(flips) == whole else NOTHING for flips in flown]
 
-    def _flights(self, u: Floats) -> list[Flight]:
-        """The flips of a world; none where it cannot be."""
-        priors, flights = self._priors, []
-        trial = priors.drawn(0, u.tolist(), priors.seeds[0])
-        for name, start in self._asked:
-            there = replace(trial, overrides=trial.overrides | {"task.start_y": start})
+    def _leave_out(self, expected: int, missing: int) -> None:
+        self._clock.leave_out(expected - missing)
+
+    def _flights(self, world: Trial, stage: Sequence[tuple[str, float]]) -> list[Flight]:
+        """The flips of a stage; none where the world cannot be."""
+        flights = []
+        for name, start in stage:
+            there = replace(world, overrides=world.overrides | {"task.start_y": start})
             try:
-                flights.append(priors.flight(there, name))
+                flights.append(self._priors.flight(there, name))
             except InputError:
                 return []
         return flights
-
-    def _seen(self, outcomes: list[Outcome]) -> Observation:
-        return observe(dict(zip(self._asked, outcomes, strict=True)), self._starts) if outcomes else NOTHING

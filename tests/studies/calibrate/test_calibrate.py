@@ -10,13 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from campaign.made_up import AS_PRINTED, SLOW, metrics_of  # noqa: F401 - workers import them by name
+from campaign.made_up import AS_PRINTED, MOTION, SLOW, metrics_of  # noqa: F401 - workers import them by name
 
+from flipdiagram.campaign.checks import specification
 from flipdiagram.campaign.specification_file import parse
 from flipdiagram.errors import InputError
 from flipdiagram.flips.outcome import Outcome
+from flipdiagram.flips.run import Clock
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
-from flipdiagram.studies.calibrate import figures
+from flipdiagram.studies.calibrate import figures, worlds
 from flipdiagram.studies.calibrate import run as study
 from flipdiagram.studies.calibrate.observations import (
     DATA,
@@ -27,7 +29,8 @@ from flipdiagram.studies.calibrate.observations import (
     agreements,
     deviations,
     distance,
-    needed,
+    observe,
+    stages,
 )
 from flipdiagram.studies.calibrate.section import load_calibration
 from flipdiagram.studies.calibrate.tables import tables
@@ -149,7 +152,7 @@ def test_distances_are_counted_in_tolerances_and_signs():
     numbers = PAPER.numbers.copy()
     numbers[0] *= np.exp(0.15)
     numbers[4] *= np.exp(-2 * 0.30)
-    world = Observation(numbers, (True, False, True, True), (True,) * 4 + (False,) + (True,) * 3)
+    world = Observation(numbers, (True, False), (True,) * 4 + (False,) + (True,) * 3)
     np.testing.assert_allclose(deviations(world), [1, 0, 0, 0, -2, 0], atol=1e-12)
     assert distance(world) == pytest.approx(np.sqrt(1 + 4 + 1 + 1))
     assert distance(world, without=("E5", QUANTITIES[4].name)) == pytest.approx(np.sqrt(1 + 1))
@@ -158,19 +161,39 @@ def test_distances_are_counted_in_tolerances_and_signs():
     assert off == {QUANTITIES[0].name, QUANTITIES[4].name, "FF slides off", "E5"}
 
 
-def test_a_world_in_which_a_controller_fails_cannot_be_measured_by_that():
-    from flipdiagram.studies.calibrate.observations import observe
-
+def test_a_world_is_measured_from_all_of_its_flips():
     class Flight:
         truth, architecture = Scenario(), "pd"
 
     starts = (0.0, 0.14)
+    needed = [question for stage in stages(starts) for question in stage]
+    assert set(needed) == {*((name, 0.0) for name in ARCHITECTURES), ("pd+ff+dob", 0.14)}
     measured = metrics_of(Flight, won=True)
-    flown = {(name, y): Outcome(replace(measured, architecture=name), None) for name, y in needed(starts)}
-    assert set(needed(starts)) == {*((name, 0.0) for name in ARCHITECTURES), ("pd+ff+dob", 0.14)}
-    lost = flown | {("pd+dob", 0.0): Outcome(None, "no plan: far")}
-    assert np.isnan(observe(lost, starts).numbers).tolist() == [False, False, False, True, False, True]
-    assert observe(lost, starts).verdicts == (False, False, False, True)
+    flown = {(name, y): Outcome(replace(measured, architecture=name), None, MOTION) for name, y in needed}
+    assert np.isfinite(observe(flown, starts).numbers).all()
+    lost = flown | {("pd+ff+dob", 0.14): Outcome(None, "no plan: far")}
+    assert np.isnan(observe(lost, starts).numbers).tolist() == [True, True, False, False, False, False]
+    slid = flown | {("pd", 0.0): Outcome(measured, "slid at the start from 0.100 s, dropped at 0.200 s")}
+    assert observe(slid, starts).verdicts == (True, False)
+
+
+@pytest.mark.parametrize(("lost", "flips"), [("pd+ff+dob", 1), ("pd+dob", 2), ("pd", 6)])
+def test_a_world_is_flown_as_far_as_both_with_observer_turn_the_block_over(lost, flips, monkeypatch):
+    asked = []
+
+    def fly_kept(flights, flying, told):
+        asked.extend((flight.architecture, flight.truth.task.start_y) for flight in flights)
+        outcomes = [metrics_of(flight, won=flight.architecture != lost) for flight in flights]
+        told(len(flights))
+        return [Outcome(measured, measured.failure, MOTION) for measured in outcomes]
+
+    monkeypatch.setattr(worlds, "fly_kept", fly_kept)
+    priors = specification(parse(PRIORS), Path("."))
+    clock = Clock(600)
+    flown = worlds.Worlds(priors, (0.0, 0.06, 0.14), None, clock)
+    assert flown.fly(priors.points[:10]).tolist() == list(range(10))
+    assert len(asked) == 10 * flips == 10 * len(set(asked)) and clock.total == 600 - 10 * (6 - flips)
+    assert all((observation is NOTHING) == ("dob" in lost) for observation in flown.observations)
 
 
 @pytest.mark.parametrize(
