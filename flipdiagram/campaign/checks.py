@@ -90,12 +90,13 @@ def check_estimate(specification: Specification, jobs: int, share: float = 1.0) 
 
 def _base(source: Source, file: SpecificationFile, folder: Path) -> Scenario:
     with source.located(("base",)):
-        if isinstance(file.base, str):
-            beside = folder / file.base
-            base = load(beside if beside.is_file() else file.base)
-        else:
-            base = from_mapping(file.base or {})
-    return base
+        return scenario_beside(folder, file.base) if isinstance(file.base, str) else from_mapping(file.base or {})
+
+
+def scenario_beside(folder: Path, name: str) -> Scenario:
+    """A scenario that a file in a folder names: looked for beside it first.  Raises InputError."""
+    beside = folder / name
+    return load(beside if beside.is_file() else name)
 
 
 def _dimensions(source: Source, file: SpecificationFile, base: Scenario) -> tuple[Dimension, ...]:

@@ -87,12 +87,17 @@ def stages(starts: Sequence[float]) -> list[list[tuple[str, float]]]:
 def observe(flown: Flown, starts: Sequence[float]) -> Observation:
     """A world's flips as the paper would have printed them."""
     claims = claims_of([run_entry(y, name, outcome) for (name, y), outcome in flown.items()])
-    position = [_metric(flown[BOTH, y], "position_rmse_meas_m", 100.0) for y in starts]
+    position = [position_of(flown[BOTH, y]) for y in starts]
     numbers = [np.mean(position), position[-1]]
     numbers += [_metric(flown[name, starts[0]], "acceleration_rmse_meas_m_s2") for name in (BOTH, DOB)]
     numbers += [_metric(flown[name, starts[0]], "max_torque_cmd_Nm") for name in (BOTH, DOB)]
     slid = tuple(flown[name, starts[0]].mode in SLIDES for name in (PD, FF))
     return Observation(np.array(numbers), slid, tuple(claim["holds"] is True for claim in claims))
+
+
+def position_of(outcome: Outcome) -> float:
+    """Measured position RMSE of a flip [cm]; nan where nothing was measured."""
+    return _metric(outcome, "position_rmse_meas_m", 100.0)
 
 
 def _metric(outcome: Outcome, name: str, factor: float = 1.0) -> float:

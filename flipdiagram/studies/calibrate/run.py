@@ -1,7 +1,7 @@
 """`flipdiagram calibrate`: which worlds explain what the paper measured?"""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from flipdiagram.campaign.checks import changes_of, check_estimate
 from flipdiagram.campaign.run import WORK
 from flipdiagram.campaign.specification import Specification, value_of
 from flipdiagram.errors import InputError
-from flipdiagram.files import plain, write_summary
+from flipdiagram.files import plain, write_atomically, write_summary
 from flipdiagram.flips.driver import Flying
 from flipdiagram.flips.flight import Work
 from flipdiagram.flips.run import Clock
@@ -23,7 +23,6 @@ from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.studies.calibrate import inference
 from flipdiagram.studies.calibrate.inference import Population
 from flipdiagram.studies.calibrate.observations import (
-    CLAIMS,
     DATA,
     PAPER,
     QUANTITIES,
@@ -33,11 +32,14 @@ from flipdiagram.studies.calibrate.observations import (
     distance,
     stages,
 )
+from flipdiagram.studies.calibrate.predictions import Shown
 from flipdiagram.studies.calibrate.section import CalibrateSection, load_calibration
 from flipdiagram.studies.calibrate.worlds import Worlds
 from flipdiagram.studies.study import Progress, silent
 
 FILE = "calibrate.sqlite"
+MEDIAN = "median.yaml"
+"""The scenario with each unknown at its posterior's median."""
 Data = dict[str, Any]
 
 
@@ -70,7 +72,7 @@ def run(
     """
     if file is None:
         raise InputError("calibrate needs a FILE; see examples/calibration.yaml", field="FILE")
-    priors, settings = load_calibration(file, changes_of(scenario))
+    priors, settings, scenarios = load_calibration(file, changes_of(scenario))
     if yes:
         priors = replace(priors, limit_hours=math.inf)
     flips = sum(map(len, stages(settings.starts))) * (priors.trials + settings.rounds * settings.population)
@@ -80,14 +82,22 @@ def run(
         clock = Clock(flips, progress)
         with stored as store:
             worlds = Worlds(priors, settings.starts, Flying(workers, store, work, priors.limits, clock.tick), clock)
-            body = calibrate(priors, settings, worlds, progress)
+            body, median = calibrate(priors, settings, worlds, scenarios, progress)
+    write_atomically(Path(out) / MEDIAN, median.to_yaml())
     write_summary(Path(out) / "summary.json", "calibrate", priors.base, body)
 
 
 def calibrate(
-    priors: Specification, settings: CalibrateSection, worlds: Worlds, progress: Progress = silent
-) -> dict[str, Any]:
-    """The body of the summary: posterior, its checks, predictions, and which data pull against each other."""
+    priors: Specification,
+    settings: CalibrateSection,
+    worlds: Worlds,
+    scenarios: Mapping[str, Scenario],
+    progress: Progress = silent,
+) -> tuple[dict[str, Any], Scenario]:
+    """The body of the summary, and the world with each unknown at its posterior's median.
+
+    The body: posterior, its checks, predictions beside those of named scenarios, and which data pull against each other.
+    """
     progress(f"{priors.trials} worlds from the priors")
     worlds.fly(priors.points)
     prior, rng = np.arange(priors.trials), np.random.default_rng(priors.seed)
@@ -106,18 +116,22 @@ def calibrate(
         return index, np.array([distance(worlds.observations[k]) for k in index])
 
     population, history = inference.sequential(rejected, priors.trials, simulate, settings.rounds, rng)
-    return {
+    median = priors.truth(priors.drawn(0, _quantiles(worlds, population)[1].tolist(), priors.seeds[0]))
+    progress("the starts of the paper")
+    shown = Shown(worlds, population, prior, {**scenarios, "median": median})
+    body = {
         "worlds": len(worlds.observations),
         "starts_y_m": list(settings.starts),
         "rounds": history,
         "unknowns": _unknowns(priors, settings, worlds, population, rejected),
         "draws": _draws(worlds, population),
-        "predictions": _predictions(worlds, population, prior),
-        "claim_shares": _claims(worlds, population, prior),
+        "predictions": shown.numbers(),
+        "claim_shares": shown.claims(),
         "recovered": _recovered(priors, settings, worlds, prior),
         "held_out": [_held_out(name, settings, worlds, prior) for name in settings.hold_out],
         "pairs": _pairs(worlds, prior),
     }
+    return body, median
 
 
 def _distances(worlds: Worlds, data: Observation, without: Sequence[str] = ()) -> Floats:
@@ -134,8 +148,7 @@ def _unknowns(
     """Each unknown with its prior and source, and its posterior's 5, 50 and 95 %, by the sampler and by rejection."""
     found = []
     for kept in (population, rejected):
-        moved, weight = inference.adjusted(kept, _deviations(worlds, PAPER)[kept.index])
-        found.append([priors.drawn(0, u.tolist(), 0).values for u in inference.quantiles(moved, weight)])
+        found.append([priors.drawn(0, u.tolist(), 0).values for u in _quantiles(worlds, kept)])
     return [
         {
             "name": dimension.name,
@@ -149,39 +162,15 @@ def _unknowns(
     ]
 
 
+def _quantiles(worlds: Worlds, kept: Population) -> Floats:
+    """5, 50 and 95 % of each unknown in the unit cube, after regression."""
+    return inference.quantiles(*inference.adjusted(kept, _deviations(worlds, PAPER)[kept.index]))
+
+
 def _draws(worlds: Worlds, population: Population) -> Data:
     """The posterior's draws in the unit cube, moved by regression, with weights: for the corner plot."""
     moved, weight = inference.adjusted(population, _deviations(worlds, PAPER)[population.index])
     return {"u": moved.tolist(), "weight": weight.tolist(), "distance": population.distance.tolist()}
-
-
-def _predictions(worlds: Worlds, population: Population, prior: np.ndarray) -> list[Data]:
-    """Of each number of the paper: 5, 50 and 95 % over the posterior's worlds, and over the prior's."""
-    numbers = np.array([world.numbers for world in worlds.observations])
-    posterior = inference.quantiles(numbers[population.index], population.weight)
-    rows = []
-    for k, quantity in enumerate(QUANTITIES):
-        before = numbers[prior, k][np.isfinite(numbers[prior, k])]
-        rows.append(
-            {
-                "name": quantity.name,
-                "unit": quantity.unit,
-                "paper": quantity.paper,
-                "tolerance": quantity.tolerance,
-                "prior": np.quantile(before, inference.INTERVAL).tolist() if before.size else None,
-                "posterior": posterior[:, k].tolist(),
-            }
-        )
-    return rows
-
-
-def _claims(worlds: Worlds, population: Population, prior: np.ndarray) -> list[Data]:
-    """In what share of the posterior's worlds, and of the prior's, each claim E1–E8 holds."""
-    holds = np.array([world.claims for world in worlds.observations], dtype=float)
-    shares = population.weight @ holds[population.index]
-    return [
-        {"id": id, "posterior": float(shares[k]), "prior": float(holds[prior, k].mean())} for k, id in enumerate(CLAIMS)
-    ]
 
 
 def _recovered(priors: Specification, settings: CalibrateSection, worlds: Worlds, prior: np.ndarray) -> Data:

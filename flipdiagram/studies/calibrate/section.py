@@ -6,9 +6,10 @@ from typing import Any
 
 from pydantic import Field
 
-from flipdiagram.campaign.checks import specification
+from flipdiagram.campaign.checks import scenario_beside, specification
 from flipdiagram.campaign.specification import Specification
 from flipdiagram.campaign.specification_file import Source, read
+from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.scenario.text import Section
 from flipdiagram.studies.calibrate.observations import DATA
 
@@ -31,15 +32,29 @@ class CalibrateSection(Section):
     sources: dict[str, str] = Field(
         default_factory=dict, description="where the prior of an unknown comes from, by its name in `vary`"
     )
+    compare: dict[str, str | None] = Field(
+        default_factory=dict, description="a scenario's file for each name, null for the defaults"
+    )
+    """Scenarios that are flown beside the worlds and stand in the tables under these names."""
 
 
 def load_calibration(
     path: str | Path, changes: Mapping[str, Any] | None = None
-) -> tuple[Specification, CalibrateSection]:
-    """Read and check a campaign file with its section `calibrate`; InputError with the line."""
+) -> tuple[Specification, CalibrateSection, dict[str, Scenario]]:
+    """Read and check a campaign file with its section `calibrate`, and what it compares; InputError with the line."""
     source = read(path)
     priors = specification(source, Path(path).parent, changes)
-    return priors, calibration(source, priors)
+    section = calibration(source, priors)
+    return priors, section, compared(section, source, Path(path).parent)
+
+
+def compared(section: CalibrateSection, source: Source, folder: Path) -> dict[str, Scenario]:
+    """The scenarios to be flown beside the worlds, by name; a file is looked for in the folder first."""
+    found = {}
+    for name, file in section.compare.items():
+        with source.located(("calibrate", "compare")):
+            found[name] = Scenario() if file is None else scenario_beside(folder, file)
+    return found
 
 
 def calibration(source: Source, priors: Specification) -> CalibrateSection:

@@ -41,19 +41,39 @@ def unknown_grid(summary: Summary) -> Grid:
 
 
 def prediction_grid(summary: Summary) -> Grid:
-    """A row for each number of the paper."""
+    """A row for each number of the paper and for each start, a column for each scenario."""
     rows = [
-        [row["name"], f"{row['paper']:g} {row['unit']}", _interval(row["prior"]), _interval(row["posterior"])]
+        [
+            row["name"],
+            f"{row['paper']:g} {row['unit']}",
+            *map(_number, row["scenarios"].values()),
+            _interval(row["prior"]),
+            _interval(row["posterior"]),
+        ]
         for row in summary["predictions"]
     ]
-    return Grid(["number", "paper", "prior (5–95 %)", "posterior (5–95 %)"], rows, "the paper's numbers", [])
+    headings = ["number", "paper", *_names(summary), "prior (5–95 %)", "posterior (5–95 %)"]
+    return Grid(headings, rows, "the paper's numbers", [])
 
 
 def claim_grid(summary: Summary) -> Grid:
-    """In how many worlds the claims hold."""
-    rows = [[row["id"], _share(row["prior"]), _share(row["posterior"])] for row in summary["claim_shares"]]
-    headings = ["claim", "worlds of the prior", "of the posterior"]
-    return Grid(headings, rows, "claims that hold", headings[1:])
+    """In how many worlds the claims hold, and in which scenarios."""
+    rows = [
+        [
+            row["id"],
+            *("yes" if holds else "no" for holds in row["scenarios"].values()),
+            _share(row["prior"]),
+            _share(row["posterior"]),
+        ]
+        for row in summary["claim_shares"]
+    ]
+    headings = ["claim", *_names(summary), "worlds of the prior", "of the posterior"]
+    draws = len(summary["draws"]["weight"])
+    return Grid(headings, rows, f"claims that hold; the posterior has {draws} draws", headings[-2:])
+
+
+def _names(summary: Summary) -> list[str]:
+    return list(summary["claim_shares"][0]["scenarios"])
 
 
 def check_grid(summary: Summary) -> Grid:
@@ -89,6 +109,10 @@ def _interval(values: Sequence[Any] | None) -> str:
 
 def _value(value: Any) -> str:
     return number(value) if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else number(value)
 
 
 def _share(share: float | None) -> str:

@@ -17,7 +17,7 @@ from flipdiagram.campaign.specification_file import parse
 from flipdiagram.errors import InputError
 from flipdiagram.flips.outcome import Outcome
 from flipdiagram.flips.run import Clock
-from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
+from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, load
 from flipdiagram.studies.calibrate import figures, worlds
 from flipdiagram.studies.calibrate import run as study
 from flipdiagram.studies.calibrate.observations import (
@@ -49,13 +49,16 @@ calibrate:
   rounds: 1
   synthetic: 10
   sources: {object.mass: a pair of scales}
+  compare: {defaults: null, slower: slower.yaml}
 """
+SLOWER = "sensors: {velocity_cutoff: 31.4}"
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("calibrate")
     (folder / "priors.yaml").write_text(PRIORS)
+    (folder / "slower.yaml").write_text(SLOWER)
     study.run(Scenario(), folder / "out", file=str(folder / "priors.yaml"), jobs=2, work=AS_PRINTED)
     return folder
 
@@ -83,9 +86,27 @@ def test_its_worlds_print_what_the_paper_prints(summary):
     for row in summary["predictions"]:
         low, _, high = row["posterior"]
         assert low <= row["paper"] * 1.1 and high >= row["paper"] * 0.9
-        assert row["prior"][2] - row["prior"][0] > high - low
+        assert row["prior"] is None or row["prior"][2] - row["prior"][0] > high - low
     assert {row["id"]: row["posterior"] for row in summary["claim_shares"]} == dict.fromkeys(
         (f"E{k}" for k in range(1, 9)), pytest.approx(1.0)
+    )
+
+
+def test_named_scenarios_stand_beside_them_start_by_start(summary, folder):
+    """At half the filter's frequency the made-up robot errs twice as much: 2 (1.05 + 0.9 y) cm."""
+    rows = {row["name"]: row["scenarios"] for row in summary["predictions"]}
+    assert list(rows)[6:] == [f"position RMSE, y = {y} cm" for y in range(0, 16, 2)]
+    for y in range(0, 16, 2):
+        assert rows[f"position RMSE, y = {y} cm"]["slower"] == pytest.approx(2 * (1.05 + 0.009 * y))
+    assert rows["position RMSE, mean over the starts"]["slower"] == pytest.approx(2 * (1.05 + 0.009 * 7))
+    assert rows["acceleration RMSE, FF+DOB"]["slower"] == pytest.approx(4.65 * np.sqrt(2))
+    assert summary["claim_shares"][5]["scenarios"]["slower"] is True
+    # the world at the medians, which is written to be flown by its name
+    found = {row["name"]: row["posterior"][1] for row in summary["unknowns"]}
+    median = load(folder / "out" / "median.yaml")
+    assert median.sensors.velocity_cutoff == pytest.approx(found["sensors.velocity_cutoff"])
+    assert rows["acceleration RMSE, FF+DOB"]["median"] == pytest.approx(
+        4.65 * np.sqrt(62.8 / median.sensors.velocity_cutoff)
     )
 
 
@@ -143,8 +164,9 @@ def test_pictures_and_tables_say_it(summary, tmp_path):
     assert (tmp_path / "predictions.svg").stat().st_size > 5_000
     unknowns, predictions, claims, checks, _ = tables(summary)
     assert [row[0] for row in unknowns.rows][2] == "`object.mass`" and unknowns.rows[2][-1] == "a pair of scales"
-    assert [row[1] for row in predictions.rows] == [f"{q.paper:g} {q.unit}" for q in QUANTITIES]
-    assert claims.rows[0] == ["E1", "100 %", "100 %"] and checks.rows[-1][0] == "10 synthetic worlds"
+    assert [row[1] for row in predictions.rows][:6] == [f"{q.paper:g} {q.unit}" for q in QUANTITIES]
+    assert predictions.headings[2:5] == ["defaults", "slower", "median"] == claims.headings[1:4]
+    assert claims.rows[0][3:] == ["yes", "100 %", "100 %"] and checks.rows[-1][0] == "10 synthetic worlds"
 
 
 def test_distances_are_counted_in_tolerances_and_signs():
@@ -203,6 +225,7 @@ def test_a_world_is_flown_as_far_as_both_with_observer_turn_the_block_over(lost,
         (("population: 36", "population: 500"), "population = 500 is not valid; valid is at most the trials, 60"),
         (("rounds: 1", "starts: [0.0]"), "calibrate: starts = [0.0] is not valid; valid is at least two starts"),
         (("rounds: 1", "starts: [0.0, 9.0]"), "task.start_y"),
+        (("slower.yaml", "nowhere.yaml"), "nowhere.yaml"),
         (("rounds: 1", "hold_out: [E9]"), "hold_out = 'E9' is not valid; valid is one of position RMSE"),
         (("object.mass: a", "object.size: a"), "sources = 'object.size' is not valid; valid is one of sensors"),
         (("lhs", "grid"), "the grid needs values"),
@@ -212,6 +235,7 @@ def test_a_world_is_flown_as_far_as_both_with_observer_turn_the_block_over(lost,
 )
 def test_a_bad_file_is_refused_in_one_line(change, message, tmp_path):
     file = tmp_path / "bad.yaml"
+    (tmp_path / "slower.yaml").write_text(SLOWER)
     file.write_text(PRIORS.replace(*change))
     with pytest.raises(InputError) as error:
         load_calibration(file)
@@ -220,7 +244,7 @@ def test_a_bad_file_is_refused_in_one_line(change, message, tmp_path):
 
 def test_the_example_is_valid():
     file = Path(__file__).parents[3] / "examples" / "calibration.yaml"
-    priors, settings = load_calibration(file)
+    priors, settings, _ = load_calibration(file)
     assert set(settings.sources) == {dimension.name for dimension in priors.dimensions}
     assert parse(file.read_text()).data["calibrate"]["population"] == settings.population
 
@@ -231,6 +255,7 @@ def test_no_file_is_one_line():
 
 
 def test_one_that_would_take_too_long_is_refused_before_anything_is_written(tmp_path):
+    (tmp_path / "slower.yaml").write_text(SLOWER)
     (tmp_path / "long.yaml").write_text(PRIORS.replace("seed: ", "limit_hours: 0.001\nseed: "))
     with pytest.raises(InputError, match="would take about .* limit_hours is 0.001"):
         study.run(Scenario(), tmp_path / "out", file=str(tmp_path / "long.yaml"), jobs=1, work=AS_PRINTED)
