@@ -1,6 +1,5 @@
 """The robot cell in MuJoCo: the ports of Drake's cell, another engine behind them."""
 
-import copy
 import math
 import threading
 from dataclasses import dataclass
@@ -26,10 +25,6 @@ from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.parts import Parts
 from flipdiagram.scenario.scenario import Scenario
 
-LEAP = 2
-"""Steps in one while a face lies flat."""
-FLAT = 4
-"""Points that touch from which one does."""
 BLOCK = 13
 """Numbers of the block's state: quaternion, position, angular and translational velocity."""
 
@@ -84,7 +79,7 @@ class MujocoPlant(Block):
     `contact_wrench` (12,) [N, N m] as in `Cell`, its mean over the step that begins at t.
 
     All that decides the next step is the state, in the Context.  Every `period` [s] it makes as many steps of MuJoCo's
-    as the settings ask for, fewer where a face lies flat; `contact_wrench` and the update share them.
+    as the settings ask for; `contact_wrench` and the update share them.
     """
 
     def __init__(
@@ -143,26 +138,21 @@ class MujocoPlant(Block):
         """The state one period later, and the mean contact wrench until then."""
         work, n, mj_step = self._work, self.joints, self._mujoco.mj_step
         coordinates = n + self._gears
-        model, data, sensors = work.model, work.data, work.sensors
+        model, data, sensors = self.model, work.data, work.sensors
         work.qpos[:], work.qvel[:], work.warm[:] = state[self._qpos], state[self._qvel], state[self._warm :]
         quaternion, spin = work.qpos[coordinates + 3 :], work.qvel[coordinates + 3 :]
         self._turn(spin, quaternion, -1.0)
         work.torque[:] = tau
         work.push[:] = self._push(work, applied) if applied else 0.0
-        step, done, count = self.period / self.substeps, 0, 0
-        while done < self.substeps:
-            # what touches is known from the step before; that of the period before may be another Context's
-            many = LEAP if count and data.ncon >= FLAT and done + LEAP <= self.substeps else 1
-            model.opt.timestep = many * step
+        for k in range(self.substeps):
             mj_step(model, data)
-            work.sensed[count], work.shares[count] = sensors, many / self.substeps
-            done, count = done + many, count + 1
+            work.sensed[k] = sensors
         after = np.empty_like(state)
         after[self._qpos], after[self._qvel], after[self._warm :] = work.qpos, work.qvel, work.warm
         self._turn(after[2 * n + 7 : 2 * n + 10], quaternion, 1.0)
         if not math.isfinite(after.dot(after)):
             raise SimulationError("the simulation diverged: MuJoCo's state is not finite")
-        return after, _mean_wrench(work.sensed[:count], work.shares[:count])
+        return after, _mean_wrench(work.sensed)
 
     def _turn(self, vector: Floats, quaternion: Floats, sign: float) -> None:
         """Turn a vector from the axes of the block into the world's, or back (sign = -1), in place."""
@@ -199,13 +189,11 @@ class _Workspace(threading.local):
 
     def __init__(self, mujoco: Any, model: Any, plant: MultibodyPlant, substeps: int, joints: int) -> None:
         n = model.nv - 6
-        self.model = copy.copy(model)  # of its own: the length of its step changes
-        data = self.data = mujoco.MjData(self.model)
+        data = self.data = mujoco.MjData(model)
         self.qpos, self.qvel, self.warm = data.qpos, data.qvel, data.qacc_warmstart
         self.torque, self.sensors = data.qfrc_applied[: n : n // joints], data.sensordata  # past the gears
         self.push = data.xfrc_applied[model.body("blade").id]
         self.sensed = np.empty((substeps, model.nsensordata))
-        self.shares = np.empty(substeps)
         self.context = plant.CreateDefaultContext()
 
 
@@ -213,13 +201,11 @@ FORCES = np.r_[:3, 9:12, 18:21, 3:6]
 """Where the sensors have the force of each pair, and the first pair's moment: of each its force, moment and point."""
 
 
-def _mean_wrench(sensed: Floats, shares: Floats) -> Floats:
-    """The port `contact_wrench` (12,) of what the sensors gave in each step of MuJoCo's (steps, 27), and the share of
-    the period that each took.
-    """
-    wrench: Floats = shares.dot(sensed).take(FORCES)
+def _mean_wrench(sensed: Floats) -> Floats:
+    """The port `contact_wrench` (12,) of what the sensors gave in each step of MuJoCo's (steps, 27)."""
+    wrench: Floats = (sensed.sum(axis=0) / len(sensed)).take(FORCES)
     # point times force: its antisymmetric part is the moment about the origin
-    C = (sensed[:, 6:9].T * shares).dot(sensed[:, :3]).tolist()
+    C = (sensed[:, 6:9].T.dot(sensed[:, :3]) / len(sensed)).tolist()
     wrench[9] += C[1][2] - C[2][1]
     wrench[10] += C[2][0] - C[0][2]
     wrench[11] += C[0][1] - C[1][0]
@@ -273,7 +259,7 @@ def add_mujoco_cell(
         poses=robot.GetOutputPort("poses"),
         contact_wrench=robot.GetOutputPort("contact_wrench"),
         systems=("robot", "joint_friction", "joint_torque", "joint_state", *of_links),
-        engine=f"{CELL._replace(timestep=step / robot.substeps).settings_text()}, {LEAP} steps in one on a face",
+        engine=CELL._replace(timestep=step / robot.substeps).settings_text(),
         scene_graph=scene_graph,
         robot=robot,
         deflection=state.get_output_port(3) if gears else None,

@@ -4,6 +4,7 @@ MuJoCo is an optional extra, imported when it is used.
 """
 
 import importlib
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
 from typing import Any, NamedTuple
@@ -23,62 +24,59 @@ from flipdiagram.robot.parts import Parts
 class Settings(NamedTuple):
     """How MuJoCo solves the contact; the values approach rigid Coulomb friction.
 
-    What has one value only stands in `head`: the integrator is "Euler" ("implicitfast" differs by rounding where
-    nothing has damping, which the last moments before the release, on an edge of the block, amplify to 0.02 rad at
-    touch-down); the elliptic cone is Coulomb's; no noslip iterations, which cost sliding friction half a percent;
-    damping ratio 1, no rebound, as Drake's dissipation of 20 s/m leaves next to none; condim 3, as the corners of a
-    face resist spinning by themselves.
-
     timestep: longest step [s]; a whole number of steps fills the period.
-    time_constant: decay [s] of a penetration (solref); at least twice the step, or contact is no longer stable.
+    stiffness: of a penetration [1/s²], with critical damping (solref).
+    friction_damping: of a slip that shall not be [1/s] (solreffriction).
     impratio: stiffness of friction over that of the normal direction; above 1 friction creeps less.
     impedance: share of the contact force that is a constraint, 0 to 1 (solimp, constant); the rest is compliance.
     """
 
     timestep: float
-    time_constant: float
-    impratio: float = 100.0
-    impedance: float = 0.99
+    stiffness: float
+    friction_damping: float
+    impratio: float = 1000.0
+    impedance: float = 0.02
 
     def settings_text(self) -> str:
         """Engine and contact settings in one line, for a report; InputError where MuJoCo is missing."""
         solver = f"Euler, elliptic cone, impratio {self.impratio:g}, 0 noslip iterations"
-        contact = f"solref {self.time_constant * 1e3:g} ms / 1, solimp {self.impedance:g}, condim 3"
-        return f"MuJoCo {import_mujoco().__version__}, step {self.timestep * 1e3:g} ms, {solver}, {contact}"
+        contact = f"solref {' '.join(f'{number:g}' for number in self.solref)}, solimp {self.impedance:g}"
+        friction = f"solreffriction -1 {-self.friction_damping:g}, condim 3"
+        return f"MuJoCo {import_mujoco().__version__}, step {self.timestep * 1e3:g} ms, {solver}, {contact}, {friction}"
+
+    @property
+    def solref(self) -> tuple[float, float]:
+        """Stiffness [1/s²] and critical damping [1/s], negative: as MuJoCo tells them from a time constant."""
+        return -self.stiffness, -2.0 * math.sqrt(self.stiffness)
 
 
-CELL = Settings(timestep=5e-5, time_constant=5e-4)
-"""From flips by pd+ff+dob with an elliptic cone and impratio 100; τ is the time constant, h MuJoCo's step, slip in mm
-until 0.47 s, while the face lies on the blade, and until the last edge leaves it, lift-off in µm, touch-down in rad:
+CELL = Settings(timestep=1e-4, stiffness=3e5, friction_damping=40.0)
+"""Soft enough to slide quietly.  MuJoCo solves friction and normal force together: a contact that slides at v_t is
+driven apart like one that closes at μ v_t, here with friction_damping / impedance times μ v_t, and what opens ceases to
+act.  Where that is more than the share of the weight that compliance bears, (1 − impedance) / impedance of it, the face
+hops and slides too far: impedance 0.99 with a time constant of 0.5 ms hopped from 2 mm/s on.  In eight worlds of PD +
+DOB with friction 1.35 to 1.54, a block that slides on the recorded blade by Coulomb's law until θ = 1.2 rad goes 0.2 to
+10 mm; those settings gave 6 to 11 mm more, Drake up to 2 mm less.
 
-| τ [ms] | h [ms] | slip, face | slip, all | lift-off | touch-down | CPU [s] |
+From flips of the default of the first versions by pd+ff+dob and of one such world, friction 1.449: slip of the first in
+mm until the last edge leaves it, touch-down in rad; of the second slip until θ = 1.2 rad, by Coulomb's law 4.7:
+
+| step [ms] | stiffness | friction damping | impedance | slip | touch-down | second: slip |
 |---|---|---|---|---|---|---|
-| 2 | 0.25, 0.05, 0.01 | 0.84, 0.94, 0.96 | 0.86, 0.95, 0.97 | 4, 1, 0 | 2.723, 2.720, 2.710 | 1.8, 2.0, 4.7 |
-| 1 | 0.25, 0.05, 0.01 | 0.38, 0.46, 0.48 | 0.39, 0.48, 0.51 | 3, 1, 0 | 2.712, 2.719, 2.710 | 1.4, 1.9, 5.6 |
-| 0.5 | 0.25, 0.05, 0.01 | 0.14, 0.22, 0.24 | 0.21, 0.24, 0.26 | 23, 2, 0 | 2.698, 2.718, 2.709 | 1.6, 2.2, 4.5 |
-| 0.2 | 0.1, 0.05, 0.025 | 0.08, 0.10, 0.10 | 0.58, 0.40, 0.17 | 143, 34, 3 | 2.707, 2.706, 2.710 | 1.3, 1.9, 2.5 |
-| Drake | 1, 0.5 | 0.48, 0.24 | 0.51, 0.29 | 86, 51 | 2.739, 2.737 | 3.9, 4.9 |
+| 0.1, 0.05, 0.025, 0.01 | 1e6 | 40 | 0.02 | 0.47, 0.47, 0.50, 0.49 | 2.718, 2.710, 2.708, 2.709 | 6.9, 6.7, 6.7, 6.7 |
+| 0.1, 0.05 | 3e5 | 40 | 0.02 | 0.45, 0.45 | 2.713, 2.713 | 6.6, 6.6 |
+| 0.1 | 1e5 | 20 | 0.02 | 0.93 | 2.715 | 6.3 |
+| 0.05 | 1e6 | 20, 80 | 0.02 | 0.95, 0.23 | 2.708, 2.709 | 6.6, 6.8 |
+| 0.05 | 1e6 | 80 | 0.05 | 0.60 | 2.717 | 7.5 |
+| Drake: 1 | | | | 0.48 | 2.739 | 5.0 |
 
-All turn over.  The block creeps in proportion to τ, in Drake to the step: neither engine counts how the Jacobian J of
-the contact changes, so the face moves at τ/2, or half a step, times J' q'; on a rigid blade it would hardly slip.
-Eight steps to a time constant keep the face quiet; where it hops, the last edge makes it more.  Cone and impratio
-change little (τ = 0.5, h = 0.125: pyramidal / 1 slips 0.20 mm, elliptic / 1, 10, 100 slip 0.19 mm until 0.47 s).
-
-At τ = 0.5 the last edge needs the short step, the face on the blade and then on the table does not: steps of two or
-three h while at least four points touch, one h else, beside one length throughout (CPU of a whole flip):
-
-| h [ms], flat | h [ms], else | slip, face | slip, all | touch-down | CPU [s] |
-|---|---|---|---|---|---|
-| 0.01 | 0.01 | 0.24 | 0.26 | 2.709 | 2.8 |
-| 0.05 | 0.05 | 0.22 | 0.24 | 2.718 | 1.0 |
-| 0.1 | 0.05 | 0.21 | 0.25 | 2.714 | 0.8 |
-| 0.15 | 0.05 | 0.20 | 0.22 | 2.721 | 0.7 |
-| 0.1 | 0.1 | 0.21 | 0.44 | 2.706 | 0.65 |
-| 0.125 | 0.0625 | 0.21 | 0.33 | 2.703 | 0.6 |
-
-Of 20 flips (four architectures; payload, start, friction of block and joints varied) 0.1 / 0.05 gives the verdicts of
-0.05 / 0.05, touch-down within 0.05 rad where the block turns over and the release within 6 ms.
+A block on a blade that turns creeps by J' q' over friction_damping / impedance, as MuJoCo does not count how the
+Jacobian J of the contact changes; in Drake by half a step times J' q'.  The integrator is "Euler"; the elliptic cone is
+Coulomb's; noslip iterations cost sliding friction half a percent; condim 3, as the corners of a face resist spinning by
+themselves.
 """
+LIMIT = 5e-4
+"""Time constant [s] of the joints' limits."""
 
 
 class ContactBox(NamedTuple):
@@ -130,10 +128,16 @@ def head(settings: Settings, step: float, gravity: Sequence[float]) -> str:
   <default><geom type="box" contype="0" conaffinity="0"/></default>"""
 
 
-def compliance(settings: Settings, of: str = "") -> str:
-    """The attributes that say how stiff a contact pair is, or a joint's limit (of: "limit")."""
+def compliance(settings: Settings) -> str:
+    """The attributes that say how stiff a contact pair is."""
     impedance = spaced((settings.impedance, settings.impedance, 1e-3, 0.5, 2.0))
-    return f'solref{of}="{spaced((settings.time_constant, 1.0))}" solimp{of}="{impedance}"'
+    friction = f'solreffriction="-1 {-settings.friction_damping!r}"'
+    return f'solref="{spaced(settings.solref)}" {friction} solimp="{impedance}"'
+
+
+def limit_compliance() -> str:
+    """The same of a joint's limit, which may be stiff: nothing slides there."""
+    return f'solreflimit="{spaced((LIMIT, 1.0))}" solimplimit="{spaced((0.99, 0.99, 1e-3, 0.5, 2.0))}"'
 
 
 def inertial(mass: float, centre: Floats, inertia: Floats) -> str:

@@ -17,11 +17,11 @@ from flipdiagram.plants.handle import CONTACT_PAIRS
 from flipdiagram.plants.mujoco_contact import (
     ContactBox,
     Settings,
-    compliance,
     contact_boxes,
     free_body,
     head,
     inertial,
+    limit_compliance,
     pairs,
 )
 from flipdiagram.robot.gears import GearHandles
@@ -76,7 +76,7 @@ def cell_model(
         f"""<mujoco>
   {head(settings, step, plant.gravity_field().gravity_vector())}
   <worldbody>
-    {_links(chain, limits, parts.gears, boxes["blade"], X_LS, settings)}
+    {_links(chain, limits, parts.gears, boxes["blade"], X_LS)}
     {free_body("block", parts.block, boxes["block"])}
     <body name="table">{table}</body>
   </worldbody>
@@ -93,12 +93,7 @@ def _limits(plant: MultibodyPlant, parts: Parts, name: str) -> tuple[float, floa
 
 
 def _links(
-    chain: SerialChain,
-    limits: np.ndarray,
-    gears: GearHandles | None,
-    blade: Sequence[ContactBox],
-    X_LS: RigidTransform,
-    settings: Settings,
+    chain: SerialChain, limits: np.ndarray, gears: GearHandles | None, blade: Sequence[ContactBox], X_LS: RigidTransform
 ) -> str:
     """The bodies of the arm, each inside the one before; a gear is a second joint about the axis of the first."""
     n, text = len(chain.mass), ""
@@ -106,7 +101,7 @@ def _links(
     for k in reversed(range(n)):
         last = k == n - 1
         low_high = spaced(np.clip(limits[k], -WITHOUT_END, WITHOUT_END))
-        range_of = f'range="{low_high}" {compliance(settings, "limit")}' if np.isfinite(limits[k]).any() else ""
+        range_of = f'range="{low_high}" {limit_compliance()}' if np.isfinite(limits[k]).any() else ""
         gear = "" if gears is None else _gear(chain.axes[k], gears.stiffness[k], gears.damping[k])
         text = f"""<body name="{"blade" if last else f"link{k + 1}"}" pos="{spaced(places[k])}">
       <joint name="joint{k + 1}" axis="{spaced(chain.axes[k])}" armature="{float(chain.rotor[k])!r}"

@@ -199,7 +199,8 @@ def test_a_block_at_rest_stays_at_rest_and_its_weight_is_carried(place):
     X_0 = bench.read(simulator, "block")[:7]
     simulator.AdvanceTo(0.5)
     block, wrench = bench.read(simulator, "block"), bench.read(simulator, "contact_wrench")
-    np.testing.assert_allclose(block[:7], X_0, atol=5e-6)
+    sunk = [0, 0, 0, 0, 0, 0, G / (4 * CELL.stiffness)]  # each corner bears a quarter
+    np.testing.assert_allclose(block[:7], X_0 - sunk, atol=5e-7)
     np.testing.assert_allclose(block[7:], 0, atol=1e-5)
     weight = np.array([0, 0, bench.scenario.object.mass * G])
     expected = np.zeros(12)
@@ -411,7 +412,7 @@ def test_nothing_moves_before_the_motion_starts(flips):
         before = recording.sel(time=slice(-0.09, -0.002))
         assert before["time"].size > 85
         assert np.ptp(before["q"].values, axis=0).max() < 1e-6, name
-        assert np.abs(before["qd"].values).max() < 2e-5, name
+        assert np.abs(before["qd"].values).max() < 5e-5, name  # the block sinks by micrometres
         lifted = before["contact_force"].sel(pair="blade-block", direction="z").values
         np.testing.assert_allclose(lifted, 0.061 * G, rtol=1e-2)
 
@@ -422,12 +423,8 @@ def test_a_step_is_computed_once_for_update_and_log(monkeypatch):
     count, once = [], mujoco.mj_step
     monkeypatch.setattr(mujoco, "mj_step", lambda *given: (count.append(1), once(*given)))
     data = simulate_loop(loop, default_plan()).recording
-    # the last sample is logged, and not left by an update; every period makes all its steps, or one of each LEAP
-    periods, most = data.sizes["time"], loop.cell.robot.substeps
-    flat = 2 + (most - 2) // mujoco_cell.LEAP
-    assert periods * flat < len(count) < periods * most
-    touching = np.linalg.norm(data["contact_force"].values, axis=-1).max(axis=1) > 0
-    assert len(count) >= periods * flat + (~touching).sum() * (most - flat)
+    # the last sample is logged, and not left by an update
+    assert len(count) == data.sizes["time"] * loop.cell.robot.substeps
     # an update whose effect on the block is that of the force logged with it
     data = data.sel(time=slice(-0.1, 0.45))  # an impact moves it by when within a period it comes
     v = np.diff(data["block_pose"].values[:, 4:], axis=0) / 1e-3
@@ -511,7 +508,7 @@ def test_a_state_that_is_not_finite_ends_in_an_error(monkeypatch, tmp_path):
 
 
 def test_the_settings_are_of_the_convergence_study():
-    """A step that does not divide the period is shortened until it does; the time constant holds many of them."""
-    assert CELL.time_constant >= 4 * CELL.timestep
+    """A step that does not divide the period is shortened until it does; a penetration takes many of them."""
+    assert CELL.timestep * np.sqrt(CELL.stiffness) < 0.1
     assert Bench("mujoco", simulation__step=2.5e-4).cell.robot.substeps == int(np.ceil(2.5e-4 / CELL.timestep - 1e-9))
     assert mujoco_cell.CELL is CELL

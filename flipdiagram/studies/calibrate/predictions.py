@@ -9,7 +9,7 @@ from flipdiagram.arrays import Floats
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.studies.calibrate import inference
 from flipdiagram.studies.calibrate.inference import Population
-from flipdiagram.studies.calibrate.observations import CLAIMS, QUANTITIES, Observation, observe, position_of
+from flipdiagram.studies.calibrate.observations import CLAIMS, QUANTITIES, observe, position_of
 from flipdiagram.studies.calibrate.worlds import Worlds
 from flipdiagram.studies.experiment.claims import BOTH
 from flipdiagram.studies.experiment.run import STARTS

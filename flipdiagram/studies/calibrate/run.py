@@ -96,7 +96,7 @@ def calibrate(
 ) -> tuple[dict[str, Any], Scenario]:
     """The body of the summary, and the world with each unknown at its posterior's median.
 
-    The body: posterior, its checks, predictions beside those of named scenarios, and which data pull against each other.
+    The body: posterior, its checks, predictions beside those of named scenarios, data that pull against each other.
     """
     progress(f"{priors.trials} worlds from the priors")
     worlds.fly(priors.points)

@@ -6,6 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from flipdiagram.campaign.checks import changes_of, check_estimate, load_specification
 from flipdiagram.campaign.run import WORK
 from flipdiagram.campaign.specification import value_of
@@ -23,6 +25,8 @@ from flipdiagram.studies.study import Progress, silent
 FILE = "inverse.sqlite"
 MISSES = 10
 """Nearest worlds that are shown."""
+SHRUNK = 4
+"""Worlds found whose change is made as small as possible."""
 
 
 def run(
@@ -68,8 +72,7 @@ def run(
             least = None
             if found:
                 progress("the smallest change that does it")
-                smallest = [search.smallest(world) for world in found[:MISSES]]
-                least = min(smallest, key=lambda world: len(world.dimensions))
+                least = min(search.smallest(found[:SHRUNK]), key=lambda world: len(world.dimensions))
                 _record(search, least, Path(out), flying)
     write_summary(Path(out) / "summary.json", "inverse", box.base, _body(worlds, found, least, box.base))
 
@@ -105,6 +108,16 @@ def _body(worlds: list[World], found: list[World], least: World | None, base: Sc
         **success_rate(len(found), len(worlds)),
         "stages": stages,
         "worlds_found": [plain(world.as_dict()) for world in found[:MISSES]],
+        "region": [plain(_span(found, k)) for k in range(len(worlds[0].dimensions))] if found else [],
         "smallest": plain(smallest),
         "nearest": [plain(world.as_dict()) for world in nearest[:MISSES]],
     }
+
+
+def _span(found: list[World], k: int) -> dict[str, Any]:
+    """Where an unknown lies in the worlds found: 5, 50 and 95 % of a number, the counts of choices."""
+    dimension, values = found[0].dimensions[k], [world.values[k] for world in found]
+    span: dict[str, Any] = {"name": dimension.name, "box": dimension.as_dict()["vary"]}
+    if "choice" in span["box"]:
+        return span | {"counts": Counter(map(str, values))}
+    return span | {"interval": np.quantile(values, (0.05, 0.5, 0.95)).tolist()}

@@ -103,35 +103,48 @@ class Search:
         except InputError:
             return None
 
-    def smallest(self, world: World) -> World:
-        """The world with as little as possible changed from the base: what is not needed left out, the rest halved.
+    def smallest(self, worlds: Sequence[World]) -> list[World]:
+        """Each world with as little as possible changed from the base: what is not needed left out, the rest halved.
 
         Each unknown in turn, from the first on, is set back to the base's value, then moved towards it by halving, and
-        what still fits is kept.
+        what still fits is kept.  The worlds go side by side, so that all workers have something to fly.
         """
-        for name in [dimension.name for dimension in world.dimensions]:
-            kept = [k for k, dimension in enumerate(world.dimensions) if dimension.name != name]
-            smaller = self._with(world, [world.dimensions[k] for k in kept], [world.values[k] for k in kept])
-            world = smaller if smaller.passed == len(STAGES) else self._nearer(world, name)
-        return world
+        kept = list(worlds)
+        for name in [dimension.name for dimension in self._box.dimensions]:
+            without = self.fly([_without(world, name) for world in kept])
+            needed = [k for k, world in enumerate(without) if world.passed < len(STAGES)]
+            nearer = iter(self._nearer([kept[k] for k in needed], name))
+            kept = [next(nearer) if k in needed else world for k, world in enumerate(without)]
+        return kept
 
-    def _nearer(self, world: World, name: str) -> World:
-        """The world with one value as near to the base's as halving finds it."""
+    def _nearer(self, worlds: Sequence[World], name: str) -> list[World]:
+        """The worlds with one value as near to the base's as halving finds it."""
+        kept, low, high = list(worlds), [0.0] * len(worlds), [1.0] * len(worlds)
+        # shares of the way from the base at which they do not fit, and fit
+        for _ in range(BISECTIONS):
+            share = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
+            moved = {k: self._moved(worlds[k], name, share[k]) for k in range(len(worlds))}
+            tried = {k: world for k, world in moved.items() if world is not None}
+            for k, world in zip(tried, self.fly(list(tried.values())), strict=True):
+                if world.passed == len(STAGES):
+                    kept[k], high[k] = world, share[k]
+                else:
+                    low[k] = share[k]
+        return kept
+
+    def _moved(self, world: World, name: str, share: float) -> World | None:
+        """The world with a value at a share of the way from the base's; None where it is no number."""
         k = [dimension.name for dimension in world.dimensions].index(name)
         dimension, value = world.dimensions[k], world.values[k]
         base = 1.0 if dimension.scale else value_of(self._box.base, dimension.fields[0])
         if not (isinstance(value, float) and isinstance(base, float)):
-            return world
-        low, high = 0.0, 1.0  # shares of the way from the base at which it does not fit, and fits
-        for _ in range(BISECTIONS):
-            share = (low + high) / 2
-            moved = float(f"{base + share * (value - base):.4g}")
-            tried = self._with(world, world.dimensions, [*world.values[:k], moved, *world.values[k + 1 :]])
-            if tried.passed == len(STAGES):
-                world, high = tried, share
-            else:
-                low = share
-        return world
+            return None
+        moved = float(f"{base + share * (value - base):.4g}")
+        return World(world.index, world.dimensions, (*world.values[:k], moved, *world.values[k + 1 :]), {})
 
-    def _with(self, world: World, dimensions: Sequence[Dimension], values: Sequence[Any]) -> World:
-        return self.fly([World(world.index, tuple(dimensions), tuple(values), {})])[0]
+
+def _without(world: World, name: str) -> World:
+    """The world with an unknown as in the base, to be flown."""
+    kept = [k for k, dimension in enumerate(world.dimensions) if dimension.name != name]
+    dimensions, values = tuple(world.dimensions[k] for k in kept), tuple(world.values[k] for k in kept)
+    return World(world.index, dimensions, values, {})

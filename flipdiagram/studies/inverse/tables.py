@@ -5,8 +5,8 @@ from flipdiagram.studies.study import Summary
 
 
 def tables(summary: Summary) -> list[Grid]:
-    """How far the worlds came, the smallest change that does it, and the worlds that came nearest."""
-    return [stage_grid(summary), smallest_grid(summary), nearest_grid(summary)]
+    """How far the worlds came, where those found lie, the smallest change that does it, and the nearest misses."""
+    return [stage_grid(summary), region_grid(summary), smallest_grid(summary), nearest_grid(summary)]
 
 
 def stage_grid(summary: Summary) -> Grid:
@@ -23,6 +23,23 @@ def stage_grid(summary: Summary) -> Grid:
         f" (95 % interval {low:.2f}–{high:.2f} %)"
     )
     return Grid(["controller", "wanted", "worlds", "as wanted", "the others"], rows, title, ["worlds", "as wanted"])
+
+
+def region_grid(summary: Summary) -> Grid:
+    """A row for each unknown: the box, and where the worlds lie in which E1 holds."""
+    rows = []
+    for row in summary["region"]:
+        (kind, given), *_ = row["box"].get("scale", row["box"]).items()
+        box = " or ".join(map(_text, given)) if kind == "choice" else " to ".join(map(_text, given))
+        if "counts" in row:
+            found = ", ".join(f"{_text(value)}: {count}" for value, count in row["counts"].items())
+        else:
+            low, middle, high = map(number, row["interval"])
+            found = f"{middle} ({low}–{high})"
+        rows.append([f"`{row['name']}`", box, found])
+    return Grid(
+        ["field", "box", "there (5–95 %)"], rows, "where the worlds lie in which E1 holds as the paper tells", []
+    )
 
 
 def smallest_grid(summary: Summary) -> Grid:

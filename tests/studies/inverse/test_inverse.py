@@ -3,12 +3,17 @@
 import json
 import sqlite3
 
+import numpy as np
 import pytest
 from campaign.made_up import AS_TOLD
+from synthetic import recordings
 
 from flipdiagram.errors import InputError
 from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.simulation.metrics import measure
+from flipdiagram.simulation.recording_files import save_recording
 from flipdiagram.studies.inverse import run as study
+from flipdiagram.studies.inverse.figures import plot_mechanism
 from flipdiagram.studies.inverse.tables import tables
 
 BOX = """
@@ -77,11 +82,43 @@ def test_recordings_of_the_smallest_change_are_made_and_a_second_run_says_the_sa
 
 
 def test_tables_say_how_far_the_worlds_came(summary):
-    stages, smallest, nearest = tables(summary)
+    stages, region, smallest, nearest = tables(summary)
+    low, high = (float(end) for end in region.rows[0][2].split("(")[1].rstrip(")").split("–"))
+    assert region.rows[0][:2] == ["`object.friction`", "1 to 2"] and 1.0 < low < high < 1.5
     assert stages.title.startswith(f"E1 as the paper tells it in {summary['found']} of 40 worlds")
     assert [row[0] for row in stages.rows] == ["`pd`", "`pd+ff`", "`pd+dob`", "`pd+ff+dob`"]
     assert {row[0] for row in smallest.rows} == {"`object.friction`", "`arm.link_inertia_scale`"}
     assert len(nearest.rows) == 10
+
+
+def test_choices_are_counted(tmp_path):
+    box = BOX.replace("trials: 40", "trials: 20") + "architectures: [pd]\n"
+    box = box.replace("object.mass: {uniform: [0.05, 0.07]}", "planner.stop: {choice: [immediate, brake]}")
+    (tmp_path / "box.yaml").write_text(box.replace("[1.0, 2.0]", "[1.0, 1.4]").replace("[0.5, 2.0]", "[1.5, 2.0]"))
+    study.run(Scenario(), tmp_path, file=str(tmp_path / "box.yaml"), jobs=1, work=AS_TOLD)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["found"] == 20 and summary["region"][2]["counts"] == {"immediate": 10, "brake": 10}
+    assert tables(summary)[1].rows[2][1:] == ["immediate or brake", "brake: 10, immediate: 10"]
+
+
+def test_the_mechanism_shows_cone_slip_and_how_far_each_joint_is_from_both_with_observer(tmp_path):
+    files, runs = {}, {}
+    for k, (name, run) in enumerate(recordings().items()):
+        ramp = np.linspace(0.0, 1e-3 * k, run.sizes["time"])
+        run = runs[name] = run.assign(cone_use=("time", 1e3 * ramp), slip=("time", ramp))
+        files[name] = tmp_path / f"{name}.nc"
+        save_recording(run, measure(run), files[name])
+    axes = plot_mechanism(files).axes
+    assert [ax.get_ylabel() for ax in axes[:3]] == ["cone use [1]", "slip [mm]", "S: Δ speed [rad/s]"] and len(
+        axes
+    ) == 8
+    run = runs["pd+ff"]
+    shown = run.sel(time=slice(0.0, float(run.attrs["release_time_s"])))
+    slip = {line.get_label(): line.get_ydata() for line in axes[1].lines}
+    np.testing.assert_allclose(slip["PD + FF"], 1000 * shown["slip"])
+    # from itself it is nowhere away
+    away = {line.get_label(): line.get_ydata() for line in axes[3].lines}
+    assert np.all(away["PD + FF + DOB"] == 0) and axes[-1].get_xlabel() == "time [s]"
 
 
 def test_nothing_found_is_said(tmp_path):
@@ -89,7 +126,7 @@ def test_nothing_found_is_said(tmp_path):
     study.run(Scenario(), tmp_path, file=str(tmp_path / "box.yaml"), jobs=1, work=AS_TOLD)
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["found"] == 0 and summary["smallest"] is None and len(summary["nearest"]) == 8
-    assert not list(tmp_path.glob("*.nc")) and not tables(summary)[1].rows
+    assert not list(tmp_path.glob("*.nc")) and not tables(summary)[1].rows and not tables(summary)[2].rows
 
 
 def test_no_file_is_one_line():
