@@ -31,11 +31,17 @@ def once(name: str, compute: Callable[[], T]) -> T:
         return result
 
 
-def default_plan() -> flipdiagram.Plan:
-    """The motion of the default scenario."""
-    return once("plan", lambda: flipdiagram.plan_motion(flipdiagram.Scenario()))
+def ideal_plan() -> flipdiagram.Plan:
+    """The motion of `ideal.IDEAL`."""
+    return once("plan", lambda: flipdiagram.plan_motion(_ideal()))
 
 
-def default_flip() -> flipdiagram.Run:
-    """The default scenario flown by pd+ff+dob."""
-    return once("flip", lambda: flipdiagram.simulate(flipdiagram.Scenario(), "pd+ff+dob", default_plan()))
+def ideal_flip() -> flipdiagram.Run:
+    """`ideal.IDEAL` flown by pd+ff+dob."""
+    return once("flip", lambda: flipdiagram.simulate(_ideal(), "pd+ff+dob", ideal_plan()))
+
+
+def _ideal() -> flipdiagram.Scenario:
+    from ideal import IDEAL  # here: pytest's own process needs none of it
+
+    return IDEAL

@@ -4,10 +4,11 @@ from functools import lru_cache
 from types import SimpleNamespace
 
 import numpy as np
+from ideal import IDEAL
 from scipy.interpolate import CubicSpline
 
 from flipdiagram.robot.parts import arm_of
-from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
+from flipdiagram.scenario.scenario import ARCHITECTURES
 from flipdiagram.simulation.recording import assemble
 
 RELEASE, MOTION, TOUCHDOWN, END = 0.5, 0.75, 0.72, 1.2
@@ -34,7 +35,7 @@ def quaternion(roll):
 
 @lru_cache
 def recording(architecture="pd+ff+dob"):
-    scenario = Scenario()
+    scenario = IDEAL
     thickness, table = scenario.object.thickness, scenario.table.height
     t = np.arange(-300, int(END * 1000) + 1) * 1e-3
     lag = {"pd": 0.03, "pd+ff": 0.02, "pd+dob": 0.01, "pd+ff+dob": 0.004}[architecture]

@@ -67,7 +67,7 @@ def add_sensing(
         return through(SensorNoise(np.full(n, deviation), sensors.noise_seed, period, offset, stream), name, signal)
 
     seen.q = noisy(q, "position_noise", sensors.position_noise, 0)
-    if sensors.encoder_resolution > 0 or sensors.encoder_bits is not None:
+    if sensors.encoder_resolution > 0 or scenario.encoder_bits:
         seen.q = through(Encoder(encoder_resolution(scenario, arm)), "encoder", seen.q)
     if sensors.delay > 0:
         seen.q = through(Delay(n, sensors.delay, period, offset, q_start), "delayed_q", seen.q)
@@ -82,7 +82,6 @@ def add_sensing(
 
 def encoder_resolution(scenario: Scenario, arm: ArmModel) -> Floats:
     """Step of the encoders, seen at the joints (n,) [rad]: 2 pi / (2^bits ratio) of one on the motor's side."""
-    sensors = scenario.sensors
-    if sensors.encoder_bits is None:
-        return np.full(arm.n_joints, sensors.encoder_resolution)
-    return 2 * np.pi / (2.0**sensors.encoder_bits * arm.gear_ratios("sensors.encoder_bits"))
+    if not scenario.encoder_bits:
+        return np.full(arm.n_joints, scenario.sensors.encoder_resolution)
+    return 2 * np.pi / (2.0**scenario.encoder_bits * arm.gear_ratios("sensors.encoder_bits"))

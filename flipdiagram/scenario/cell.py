@@ -42,9 +42,14 @@ class Arm(Section):
     gear_ratios: tuple[float, ...] | None = quantity(
         None, "1", "turns of each motor per turn of its joint; null: the file's; another arm only"
     )
-    link_inertia_scale: float = quantity(1.0, "1", "factor on every link's mass and inertia (our estimates)", gt=0)
+    link_inertia_scale: float = quantity(
+        1.0, "1", "factor on every link's mass and inertia, which are our estimates (c: 0.6 to 1.9)", gt=0
+    )
     reflected_inertia_scale: float = quantity(
-        2.0, "1", "factor on the reflected rotor inertias; 2 counts the harmonic drives as much as the rotors (L)", ge=0
+        3.0,
+        "1",
+        "factor on the reflected rotor inertias; harmonic drives come on top of the rotors (L) (c: 1.9 to 3.9)",
+        ge=0,
     )
     link_inertia_scales: tuple[float, ...] | None = quantity(
         None, "1", "a further factor on mass and inertia of each moving link, one per joint; null: 1 each"
@@ -82,11 +87,15 @@ class JointFriction(Section):
 
     model: Literal["tanh", "elasto-plastic"] = Field(
         "tanh",
-        description="tanh: a regularised sign, which creeps under load; elasto-plastic: it sticks, and breaks away"
-        " above the sliding friction",
+        description="tanh: a regularised sign, which creeps under load (c: 60 %); elasto-plastic: it"
+        " sticks, and breaks away above the sliding friction",
     )
-    coulomb: float = quantity(0.10, "rated torque", "Coulomb friction, fraction of rated torque", ge=0)
-    viscous: float = quantity(0.033, "rated torque per rad/s", "viscous friction, fraction of rated torque", ge=0)
+    coulomb: float = quantity(
+        0.075, "rated torque", "Coulomb friction, fraction of rated torque (c: 0.003 to 0.18)", ge=0
+    )
+    viscous: float = quantity(
+        0.05, "rated torque per rad/s", "viscous friction, fraction of rated torque (c: 0.004 to 0.09)", ge=0
+    )
     transition_velocity: float = quantity(
         0.06, "rad/s", "velocity over which the Coulomb friction changes sign (tanh)", gt=0
     )
@@ -144,7 +153,7 @@ class Object(Section):
 class Table(Section):
     """The plane on which the block lands."""
 
-    height: float = quantity(0.20, "m", "height of its surface above the robot's base (o)", ge=-1, le=2)
+    height: float = quantity(0.175, "m", "height of its surface above the robot's base (c: 0.12 to 0.22)", ge=-1, le=2)
     friction: float = quantity(
         0.7, "1", "friction coefficient of its surface, combined with another one as 2 a b / (a + b) (o)", gt=0
     )

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ideal import IDEAL
 from pydrake.common.value import Value
 from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform, RollPitchYaw
@@ -51,7 +52,6 @@ from flipdiagram.plants.mujoco_cell import CELL, MujocoPlant
 from flipdiagram.plants.one_dof import OneDofPlant
 from flipdiagram.plants.push import Push
 from flipdiagram.robot.parts import arm_of
-from flipdiagram.scenario.scenario import Scenario
 
 # NumPy reports the floating-point flags that Drake's symbolic scalars leave behind.
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
@@ -79,7 +79,7 @@ class DiagonalArm:
 @cache
 def cell_at_start() -> tuple[Any, Any]:
     """The cell at the start of a task, and its diagram."""
-    scenario, builder = Scenario(), DiagramBuilder()
+    scenario, builder = IDEAL, DiagramBuilder()
     arm = arm_of(scenario)
     start = [scenario.task.start_y, scenario.task.start_z, 0.0, scenario.task.start_x, 0.0, 0.0]
     cell = add_cell(builder, scenario, arm, arm.inverse_kinematics(start))
@@ -89,7 +89,7 @@ def cell_at_start() -> tuple[Any, Any]:
 
 @cache
 def plan() -> Any:
-    return plan_motion(Scenario())
+    return plan_motion(IDEAL)
 
 
 def camera() -> Camera:
@@ -119,11 +119,11 @@ def drakes_model() -> tuple[Any, Any, Any]:
     """What MuJoCo's cell is made of, the block on the blade."""
     plant, scene_graph = MultibodyPlant(0.01), SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
-    return plant, scene_graph, add_model(plant, Scenario(), arm_of(Scenario()).home)
+    return plant, scene_graph, add_model(plant, IDEAL, arm_of(IDEAL).home)
 
 
 def mujoco_plant() -> MujocoPlant:
-    return MujocoPlant(*drakes_model(), arm_of(Scenario()).joint_names, 0.01, CELL, pushed=True)
+    return MujocoPlant(*drakes_model(), arm_of(IDEAL).joint_names, 0.01, CELL, pushed=True)
 
 
 SYSTEMS = {
@@ -253,7 +253,7 @@ def set_state(block: Any, context: Any, seed: int) -> None:
         if of_class(block, MujocoPlant):  # touching, or no torque would change the contact
             plant, _, parts = drakes_model()
             X_WB = parts.arm.control_point.CalcPoseInWorld(plant.CreateDefaultContext())
-            block.put(context, arm_of(Scenario()).home, RigidTransform([0.0, 0.0, -1e-5 * (1 + seed)]) @ X_WB)
+            block.put(context, arm_of(IDEAL).home, RigidTransform([0.0, 0.0, -1e-5 * (1 + seed)]) @ X_WB)
         else:
             if of_class(block, ElastoPlasticFriction):
                 state *= [10.0, 0.1]  # the first joint slides, the second sticks

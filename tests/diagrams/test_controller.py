@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from ideal import IDEAL
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
@@ -14,7 +15,7 @@ from flipdiagram.planning import plan_motion
 from flipdiagram.plants.cell import add_cell
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.one_dof import OneDof
-from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
+from flipdiagram.scenario.scenario import ARCHITECTURES
 
 ALWAYS = {
     ("mpc.x_cmd", "pd.x_cmd"),
@@ -124,7 +125,7 @@ def edges_and_ports(diagram):
 
 @pytest.fixture(scope="module", params=ARCHITECTURES)
 def loop(request):
-    return build_loop(Scenario(), request.param)
+    return build_loop(IDEAL, request.param)
 
 
 def edges(diagram):
@@ -141,7 +142,7 @@ def test_the_arrows_are_those_of_fig_4(loop):
 
 @pytest.mark.parametrize("architecture", ARCHITECTURES)
 def test_the_controller_alone_has_the_arrows_and_ports_of_fig_4(architecture):
-    diagram = build_controller(Scenario(), architecture, arm_of(Scenario()))
+    diagram = build_controller(IDEAL, architecture, arm_of(IDEAL))
     assert edges_and_ports(diagram) == CONTROLLER[architecture]
     inputs = [(port.get_name(), port.size()) for port in map(diagram.get_input_port, range(diagram.num_input_ports()))]
     assert inputs == [("x_cmd", 6), ("v_cmd", 6), ("a_cmd", 6), ("q", 6), ("qd", 6)]  # one may replace another
@@ -161,7 +162,7 @@ def test_measured_acceleration_is_fed_forward_where_asked_for():
 
 
 def test_what_is_fed_forward_against_gravity_is_not_observed():
-    scenario = Scenario().with_overrides({"controller.gravity_compensation": 1.0})
+    scenario = IDEAL.with_overrides({"controller.gravity_compensation": 1.0})
     arrows = edges_and_ports(build_controller(scenario, "pd+dob", arm_of(scenario)))
     assert arrows == (CONTROLLER["pd+dob"] - {("torque_limit.tau", "disturbance_observer.tau")}) | {
         ("q", "gravity_compensation.q"),
@@ -183,8 +184,8 @@ class Stubborn(LeafSystem):
 
 
 def test_a_replaced_box_takes_the_signals_that_it_has_inputs_for():
-    arm = arm_of(Scenario())
-    diagram = build_controller(Scenario(), "pd", arm, replace={"pd": lambda: Stubborn("a_cmd")})
+    arm = arm_of(IDEAL)
+    diagram = build_controller(IDEAL, "pd", arm, replace={"pd": lambda: Stubborn("a_cmd")})
     left_out = {
         ("x_cmd", "pd.x_cmd"),
         ("v_cmd", "pd.v_cmd"),
@@ -195,12 +196,12 @@ def test_a_replaced_box_takes_the_signals_that_it_has_inputs_for():
     assert not arrows & left_out
     assert {("x_cmd", "unused_x_cmd.u"), ("v_cmd", "unused_v_cmd.u"), ("a_cmd", "pd.a_cmd")} <= arrows
     with pytest.raises(InputError, match="'pd' has input port 'tau_dis', which is absent here"):
-        build_controller(Scenario(), "pd", arm, replace={"pd": lambda: Stubborn("tau_dis")})
+        build_controller(IDEAL, "pd", arm, replace={"pd": lambda: Stubborn("tau_dis")})
 
 
 def test_a_users_own_loop_around_the_controller_turns_as_ours_does():
     """build_controller in a builder of one's own, between an MPC and a cell: the torques of 50 ms to rounding."""
-    scenario = Scenario().with_overrides({"simulation.start": "hold", "simulation.hold_time": 0.01})
+    scenario = IDEAL.with_overrides({"simulation.start": "hold", "simulation.hold_time": 0.01})
     plan, ours = plan_motion(scenario), build_loop(scenario)
     builder = DiagramBuilder()
     hold = np.array([*plan.states[0, :3], scenario.task.start_x, 0.0, 0.0])
@@ -256,7 +257,7 @@ def test_the_boxes_have_the_scenarios_gains(loop):
 
 
 def test_a_hold_starts_with_arm_and_block_at_the_start(loop):
-    loop = build_loop(Scenario().with_overrides({"simulation.start": "hold"}), loop.architecture)
+    loop = build_loop(IDEAL.with_overrides({"simulation.start": "hold"}), loop.architecture)
     context = loop.context()
     other = loop.context()
     plant = loop.cell.plant
@@ -272,7 +273,7 @@ def test_a_hold_starts_with_arm_and_block_at_the_start(loop):
 
 
 def test_nominal_inertia_is_the_scenarios_or_that_of_the_start_pose():
-    scenario = Scenario()
+    scenario = IDEAL
     arm = arm_of(scenario)
     np.testing.assert_array_equal(nominal_inertia(scenario, arm, arm.home), np.diag(arm.mass_matrix(arm.home)))
     given = [0.5, 1.5, 0.8, 0.4, 0.5, 0.01]
@@ -282,11 +283,11 @@ def test_nominal_inertia_is_the_scenarios_or_that_of_the_start_pose():
 
 def test_an_unknown_architecture_is_refused_by_name():
     with pytest.raises(InputError, match=r"unknown architecture 'pid'; choose from pd, pd\+ff"):
-        build_loop(Scenario(), "pid")
+        build_loop(IDEAL, "pid")
 
 
 def test_sensors_and_a_finer_plant_step_add_their_boxes():
-    scenario = Scenario().with_overrides(
+    scenario = IDEAL.with_overrides(
         {"sensors.encoder_resolution": 1e-5, "sensors.velocity_cutoff": 62.8, "simulation.step": 0.0005}
     )
     loop = build_loop(scenario)

@@ -2,17 +2,18 @@
 
 import numpy as np
 import pytest
+from ideal import IDEAL
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.analysis import Simulator
-from shared import default_plan
+from shared import ideal_plan
 
 from flipdiagram.diagrams.controller import nominal_inertia
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import InputError
 from flipdiagram.planning import plan_motion
 from flipdiagram.robot.parts import add_parts, arm_of
-from flipdiagram.scenario.scenario import JOINTS, Scenario, field_paths
+from flipdiagram.scenario.scenario import JOINTS, field_paths
 from flipdiagram.simulation.simulate import simulate
 
 G = 9.81
@@ -30,9 +31,9 @@ class AtRest:
     """The loop after its hold: angles, torques, and how far the control point is from the command."""
 
     def __init__(self, architecture, **fields):
-        self.scenario = Scenario().with_overrides(QUIET | {name.replace("__", "."): v for name, v in fields.items()})
+        self.scenario = IDEAL.with_overrides(QUIET | {name.replace("__", "."): v for name, v in fields.items()})
         loop = build_loop(self.scenario, architecture)
-        simulator = Simulator(loop.diagram, loop.context(default_plan()))
+        simulator = Simulator(loop.diagram, loop.context(ideal_plan()))
         simulator.AdvanceTo(self.scenario.simulation.hold_time - 0.01)
         context = simulator.get_context()
         mine = loop.cell.plant.GetMyContextFromRoot(context)
@@ -54,7 +55,7 @@ class AtRest:
     def weight(self, mass, frame):
         """Torques (6,) [N m] that hold a mass [kg] at the origin of a frame: J^T m g, from a plant of the test's own."""
         plant = MultibodyPlant(0.0)
-        parts = add_parts(plant, Scenario())
+        parts = add_parts(plant, IDEAL)
         plant.Finalize()
         context = plant.CreateDefaultContext()
         plant.SetPositions(context, parts.arm.arm, self.q)
@@ -105,9 +106,9 @@ def test_an_unknown_payload_is_held_by_feedback_alone():
 
 
 def test_the_payload_hangs_at_the_flange_and_is_known_to_the_cell_alone():
-    scenario = Scenario().with_overrides({"disturbance.payload": 0.7})
+    scenario = IDEAL.with_overrides({"disturbance.payload": 0.7})
     masses = []
-    for chosen in (Scenario(), scenario):
+    for chosen in (IDEAL, scenario):
         plant = MultibodyPlant(0.0)
         parts = add_parts(plant, chosen)
         plant.Finalize()
@@ -116,18 +117,18 @@ def test_the_payload_hangs_at_the_flange_and_is_known_to_the_cell_alone():
     assert masses[1] - masses[0] == pytest.approx(0.7, rel=1e-12)
     place = plant.CalcRelativeTransform(context, parts.arm.flange, plant.GetFrameByName("payload"))
     assert place.IsNearlyIdentity(1e-12)
-    q = arm_of(Scenario()).home
-    np.testing.assert_array_equal(arm_of(scenario).gravity_torque(q), arm_of(Scenario()).gravity_torque(q))
+    q = arm_of(IDEAL).home
+    np.testing.assert_array_equal(arm_of(scenario).gravity_torque(q), arm_of(IDEAL).gravity_torque(q))
 
 
 @pytest.mark.parametrize("step", [0.001, 0.0005])
 @pytest.mark.parametrize("delay", [0, 3])
 def test_the_controller_answers_to_the_state_of_so_many_samples_ago(delay, step):
     """Its law computed a second time from the recorded state, shifted by exactly the delay."""
-    scenario = Scenario().with_overrides(
+    scenario = IDEAL.with_overrides(
         {"sensors.delay": delay, "simulation.step": step, "simulation.start": "hold", "simulation.hold_time": 0.02}
     )
-    plan, arm = default_plan(), arm_of(scenario)
+    plan, arm = ideal_plan(), arm_of(scenario)
     run = simulate(scenario, "pd", plan).recording
     q, qd, tau = (run[name].values for name in ("q", "qd", "tau"))
     inertia = nominal_inertia(scenario, arm, q[0])
@@ -172,21 +173,21 @@ def inertias(scenario):
 def test_a_link_scale_multiplies_the_mass_and_inertia_of_that_link_alone(joint):
     factor = 1.3
     scales = [factor if k == joint else 1.0 for k in range(6)]
-    plain, rotors, links = inertias(Scenario())
-    scaled, same_rotors, _ = inertias(Scenario().with_overrides({"arm.link_inertia_scales": scales}))
+    plain, rotors, links = inertias(IDEAL)
+    scaled, same_rotors, _ = inertias(IDEAL.with_overrides({"arm.link_inertia_scales": scales}))
     for name, (mass, inertia) in plain.items():
         wanted = factor if name == links[joint] else 1.0
         assert scaled[name][0] == pytest.approx(wanted * mass, rel=1e-12), name
         np.testing.assert_allclose(scaled[name][1], wanted * inertia, rtol=1e-9, atol=1e-12)
     np.testing.assert_array_equal(rotors, same_rotors)
-    scaled, turned, _ = inertias(Scenario().with_overrides({"arm.reflected_inertia_scales": scales}))
+    scaled, turned, _ = inertias(IDEAL.with_overrides({"arm.reflected_inertia_scales": scales}))
     np.testing.assert_allclose(turned, rotors * scales, rtol=1e-12)
     assert [scaled[name][0] for name in plain] == [mass for mass, _ in plain.values()]
 
 
 def test_all_links_together_are_each_of_them():
-    together = inertias(Scenario().with_overrides({"arm.link_inertia_scale": 1.3}))
-    each = inertias(Scenario().with_overrides({"arm.link_inertia_scales": [1.3] * 6}))
+    together = inertias(IDEAL.with_overrides({"arm.link_inertia_scale": 1.3}))
+    each = inertias(IDEAL.with_overrides({"arm.link_inertia_scales": [1.3] * 6}))
     moved = set(together[2])
     for name in moved:
         assert together[0][name][0] == pytest.approx(each[0][name][0], rel=1e-12)
@@ -194,7 +195,7 @@ def test_all_links_together_are_each_of_them():
 
 
 def test_below_zero_the_plan_uses_more_friction_than_there_is():
-    scenario = Scenario().with_overrides({"object.friction": 0.5, "planner.friction_margin": -0.6})
+    scenario = IDEAL.with_overrides({"object.friction": 0.5, "planner.friction_margin": -0.6})
     found = plan_motion(scenario)
     used = np.tan(found.summary()["max_sliding_angle_rad"])
     assert 0.5 < used <= 0.5 * 1.6 * 1.001
@@ -217,11 +218,11 @@ BAD = [
 def test_a_value_that_makes_no_sense_is_refused_by_the_name_of_its_field(path, value):
     assert path in field_paths()
     with pytest.raises(InputError, match=path):
-        Scenario().with_overrides({path: value})
+        IDEAL.with_overrides({path: value})
 
 
 @pytest.mark.parametrize("field", ["link_inertia_scales", "reflected_inertia_scales"])
 def test_as_many_scales_as_joints_are_needed(field):
-    scenario = Scenario().with_overrides({f"arm.{field}": (1.0, 2.0)})
+    scenario = IDEAL.with_overrides({f"arm.{field}": (1.0, 2.0)})
     with pytest.raises(InputError, match=rf"'arm.{field}' = .* has 2 entries; valid is one per joint"):
         build_loop(scenario)

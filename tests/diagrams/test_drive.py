@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from ideal import IDEAL
 from pydrake.systems.analysis import Simulator
-from shared import default_plan
+from shared import ideal_plan
 
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.diagrams.sensing import encoder_resolution
@@ -11,7 +12,6 @@ from flipdiagram.drawing import draw
 from flipdiagram.errors import InputError
 from flipdiagram.robot.model_files import urdf_directory
 from flipdiagram.robot.parts import arm_of
-from flipdiagram.scenario.scenario import Scenario
 
 RATIOS = np.array([100.0, 224.0, 120.0, 120.0, 100.0, 81.48])
 BOTH = {"drive.ripple": 0.02, "drive.delay": 0.003}
@@ -28,13 +28,13 @@ def edges(loop):
 
 
 def test_the_default_has_none_of_the_boxes():
-    names = {system.get_name() for system in build_loop(Scenario()).diagram.GetSystems()}
+    names = {system.get_name() for system in build_loop(IDEAL).diagram.GetSystems()}
     assert not names & {"torque_delay", "torque_ripple", "hold", "encoder"}
 
 
 @pytest.mark.parametrize("step", [0.001, 0.0005])
 def test_delay_and_ripple_stand_between_limit_and_joints_in_the_drawing_too(step):
-    loop = build_loop(Scenario().with_overrides(BOTH | {"simulation.step": step}), "pd+ff+dob")
+    loop = build_loop(IDEAL.with_overrides(BOTH | {"simulation.step": step}), "pd+ff+dob")
     found = edges(loop)
     held = "torque_limit.tau" if step == 0.001 else "hold.y"
     assert {
@@ -51,8 +51,8 @@ def test_delay_and_ripple_stand_between_limit_and_joints_in_the_drawing_too(step
 @pytest.mark.parametrize("step", [0.001, 0.0005])
 def test_the_cell_takes_the_torque_of_so_many_periods_ago(step):
     fields = {"drive.delay": 0.003, "simulation.step": step, "simulation.start": "switch-on"}
-    loop = build_loop(Scenario().with_overrides(fields), "pd+ff+dob", record=True)
-    context = loop.context(default_plan())
+    loop = build_loop(IDEAL.with_overrides(fields), "pd+ff+dob", record=True)
+    context = loop.context(ideal_plan())
     simulator = Simulator(loop.diagram, context)
     taken = []
     for k in range(60):
@@ -65,7 +65,7 @@ def test_the_cell_takes_the_torque_of_so_many_periods_ago(step):
 
 
 def test_the_ripple_has_its_amplitude_and_two_cycles_per_turn_of_the_motor():
-    loop = build_loop(Scenario().with_overrides({"drive.ripple": 0.02}))
+    loop = build_loop(IDEAL.with_overrides({"drive.ripple": 0.02}))
     box = loop.drive.boxes["torque_ripple"]
     rated = np.array([31.78, 71.19, 38.14, 11.42, 9.52, 7.76])
     turn = 2 * np.pi / RATIOS  # of the joint, in one turn of the motor
@@ -79,8 +79,8 @@ def test_the_ripple_has_its_amplitude_and_two_cycles_per_turn_of_the_motor():
 
 def test_a_run_starts_at_equilibrium_with_both():
     """The motors' ripple carries a part, and the delayed torque has been sent for long: nothing moves."""
-    loop = build_loop(Scenario().with_overrides(BOTH), "pd+dob")
-    context = loop.context(default_plan())
+    loop = build_loop(IDEAL.with_overrides(BOTH), "pd+dob")
+    context = loop.context(ideal_plan())
     q = loop.equilibrium.q
     assert np.abs(loop.drive.ripple(q)).max() > 1e-3
     Simulator(loop.diagram, context).AdvanceTo(0.09)
@@ -90,7 +90,7 @@ def test_a_run_starts_at_equilibrium_with_both():
 
 
 def test_an_encoder_of_13_bits_on_the_motors_side_is_finer_by_the_gear():
-    scenario = Scenario().with_overrides({"sensors.encoder_bits": 13})
+    scenario = IDEAL.with_overrides({"sensors.encoder_bits": 13})
     resolution = encoder_resolution(scenario, arm_of(scenario))
     np.testing.assert_allclose(resolution, 2 * np.pi / 8192 / RATIOS)
     assert resolution[0] == pytest.approx(7.67e-6, rel=1e-3)
@@ -109,7 +109,7 @@ def test_an_arm_without_gear_ratios_is_asked_for_them_in_one_line(tmp_path, fiel
     )
     file = tmp_path / "arm.urdf"
     file.write_text(text, encoding="utf-8")
-    scenario = Scenario().with_overrides(
+    scenario = IDEAL.with_overrides(
         {"arm.file": str(file), "arm.reflected_inertia": (0.07, 0.4, 0.1, 0.05, 0.03, 0.02), field: value}
     )
     with pytest.raises(

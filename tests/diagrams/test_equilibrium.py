@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from ideal import IDEAL
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import LeafSystem
-from shared import default_plan
+from shared import ideal_plan
 
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import NoEquilibriumError, ScenarioError
 from flipdiagram.flips.flight import fly
-from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.simulate import simulate
 
 IMPERFECT = {"sensors.encoder_resolution": 1e-5, "sensors.delay": 3, "sensors.velocity_cutoff": 62.8}
@@ -17,12 +17,12 @@ IMPERFECT = {"sensors.encoder_resolution": 1e-5, "sensors.delay": 3, "sensors.ve
 
 def held(architecture, seconds, fields):
     """Joint angles, torque and the block in the tool's frame after a hold that began at rest at the start pose."""
-    scenario = Scenario().with_overrides({"simulation.start": "hold", "simulation.hold_time": seconds + 1.0} | fields)
+    scenario = IDEAL.with_overrides({"simulation.start": "hold", "simulation.hold_time": seconds + 1.0} | fields)
     return state_after(build_loop(scenario, architecture), seconds)
 
 
 def state_after(loop, seconds):
-    context = loop.context(default_plan())
+    context = loop.context(ideal_plan())
     simulator = Simulator(loop.diagram, context)
     simulator.AdvanceTo(seconds)
     plant, parts, tau = loop.cell.plant, loop.cell.parts, loop.boxes.torque_limit.GetOutputPort("tau")
@@ -47,7 +47,7 @@ QUICK = {"controller.k_p": 3000.0}
 )
 def test_it_is_where_a_long_hold_ends(architecture, seconds, fields):
     q, tau, block = held(architecture, seconds, fields)
-    loop = build_loop(Scenario().with_overrides(fields), architecture)
+    loop = build_loop(IDEAL.with_overrides(fields), architecture)
     np.testing.assert_allclose(loop.equilibrium.q, q, atol=1e-6)
     after = state_after(loop, 0.09)
     np.testing.assert_allclose(after[0], q, atol=1e-6)
@@ -57,8 +57,8 @@ def test_it_is_where_a_long_hold_ends(architecture, seconds, fields):
 
 def test_nothing_moves_before_the_motion_starts():
     for architecture in ("pd", "pd+ff+dob"):
-        scenario = Scenario().with_overrides({"simulation.settle_time": 0.0})
-        before = simulate(scenario, architecture, default_plan()).recording.sel(time=slice(-0.09, -0.002))
+        scenario = IDEAL.with_overrides({"simulation.settle_time": 0.0})
+        before = simulate(scenario, architecture, ideal_plan()).recording.sel(time=slice(-0.09, -0.002))
         assert before["time"].size > 85
         assert np.ptp(before["q"].values, axis=0).max() < 1e-7
         assert np.abs(before["qd"].values).max() < 1e-5
@@ -69,22 +69,22 @@ def test_nothing_moves_before_the_motion_starts():
 
 def test_joints_that_stick_start_unloaded_and_stay():
     """What rests is a range where joints stick; of it the run takes what an endless hold without friction ends in."""
-    sticking = Scenario().with_overrides({"joint_friction.model": "elasto-plastic"})
+    sticking = IDEAL.with_overrides({"joint_friction.model": "elasto-plastic"})
     loop = build_loop(sticking, "pd+dob")
-    np.testing.assert_array_equal(loop.equilibrium.q, build_loop(Scenario(), "pd+dob").equilibrium.q)
+    np.testing.assert_array_equal(loop.equilibrium.q, build_loop(IDEAL, "pd+dob").equilibrium.q)
     q, _, _ = state_after(loop, 0.09)
     np.testing.assert_allclose(q, loop.equilibrium.q, atol=1e-7)
 
 
 def test_noise_and_rounding_do_not_move_the_equilibrium():
     """It is that of a sensor without error; the encoder's steps would leave no solution."""
-    plain = build_loop(Scenario(), "pd+ff+dob").equilibrium.q
-    noisy = Scenario().with_overrides({"sensors.position_noise": 1e-3, "sensors.velocity_noise": 0.1} | IMPERFECT)
+    plain = build_loop(IDEAL, "pd+ff+dob").equilibrium.q
+    noisy = IDEAL.with_overrides({"sensors.position_noise": 1e-3, "sensors.velocity_noise": 0.1} | IMPERFECT)
     np.testing.assert_allclose(build_loop(noisy, "pd+ff+dob").equilibrium.q, plain, atol=1e-9)
 
 
 def test_sensors_have_seen_the_equilibrium_for_long():
-    scenario = Scenario().with_overrides(IMPERFECT | {"sensors.encoder_resolution": 0.0})
+    scenario = IDEAL.with_overrides(IMPERFECT | {"sensors.encoder_resolution": 0.0})
     loop = build_loop(scenario, "pd")
     context, q = loop.context(), loop.equilibrium.q
     boxes = loop.sensing.boxes
@@ -98,7 +98,7 @@ def test_sensors_have_seen_the_equilibrium_for_long():
 @pytest.mark.parametrize("fields", [{}, {"task.yaw": 0.4}, {"disturbance.payload": 0.5, "object.mass": 0.3}])
 def test_the_holding_torque_is_the_slope_of_the_potential_energy(fields):
     """U(q) of arm, payload and block, the block carried with the tool; differences against the Jacobian's answer."""
-    loop = build_loop(Scenario().with_overrides(fields))
+    loop = build_loop(IDEAL.with_overrides(fields))
     plant, context = loop.cell.plant, loop.diagram.CreateDefaultContext()
     mine = plant.GetMyContextFromRoot(context)
 
@@ -113,20 +113,13 @@ def test_the_holding_torque_is_the_slope_of_the_potential_energy(fields):
 
 
 def test_the_start_is_the_scenarios_choice():
-    by = {
-        start: build_loop(Scenario().with_overrides({"simulation.start": start}), "pd")
-        for start in ("hold", "switch-on")
-    }
+    by = {start: build_loop(IDEAL.with_overrides({"simulation.start": start}), "pd") for start in ("hold", "switch-on")}
     for loop in by.values():
         plant, mine = loop.cell.plant, loop.cell.plant.GetMyContextFromRoot(loop.context())
         np.testing.assert_array_equal(plant.GetPositions(mine, loop.cell.parts.arm.arm), loop.q_start)
-    assert [Scenario().simulation.lead_time, by["hold"].mpc.start_time, by["switch-on"].mpc.start_time] == [
-        0.1,
-        2.0,
-        0.0,
-    ]
+    assert [IDEAL.simulation.lead_time, by["hold"].mpc.start_time, by["switch-on"].mpc.start_time] == [0.1, 2.0, 0.0]
     with pytest.raises(ScenarioError, match="hold_time' = 0.5 is not valid; valid is null or 0"):
-        Scenario().with_overrides({"simulation.start": "switch-on", "simulation.hold_time": 0.5})
+        IDEAL.with_overrides({"simulation.start": "switch-on", "simulation.hold_time": 0.5})
 
 
 class Integral(LeafSystem):
@@ -154,7 +147,7 @@ class Integral(LeafSystem):
 
 
 def test_the_integrator_of_a_users_own_box_carries_the_load():
-    loop = build_loop(Scenario(), "pd", replace={"pd": Integral()})
+    loop = build_loop(IDEAL, "pd", replace={"pd": Integral()})
     np.testing.assert_allclose(loop.equilibrium.q, loop.q_start, atol=1e-9)
     q, _, _ = state_after(loop, 0.09)
     np.testing.assert_allclose(q, loop.q_start, atol=1e-7)
@@ -182,13 +175,13 @@ class Counting(Integral):
     ],
 )
 def test_where_there_is_none_one_line_says_what_to_do(fields, replace, reason):
-    loop = build_loop(Scenario().with_overrides(fields), "pd", replace=replace)
+    loop = build_loop(IDEAL.with_overrides(fields), "pd", replace=replace)
     with pytest.raises(NoEquilibriumError, match=f"no equilibrium to start from: {reason}") as caught:
         loop.context()
     assert "valid is simulation.start: hold or switch-on" in str(caught.value) and "\n" not in str(caught.value)
 
 
 def test_a_world_in_which_the_arm_cannot_be_held_is_an_outcome_of_its_own():
-    weak = Scenario().with_overrides({"arm.torque_scale": 0.03})
-    outcome = fly(weak, "pd", default_plan(), None)
+    weak = IDEAL.with_overrides({"arm.torque_scale": 0.03})
+    outcome = fly(weak, "pd", ideal_plan(), None)
     assert outcome.mode == "no start" and outcome.failure.startswith("no start: no equilibrium to start from: joint L")

@@ -5,10 +5,11 @@ import sys
 
 import numpy as np
 import pytest
+from ideal import IDEAL
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from robots import PANDA, package_file
-from shared import default_flip, default_plan
+from shared import ideal_flip, ideal_plan
 
 from flipdiagram.blocks.commands import SinusoidalCommand
 from flipdiagram.blocks.observer import DisturbanceObserver
@@ -19,14 +20,14 @@ from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import SimulationError
 from flipdiagram.robot.native_arm import native_arm
 from flipdiagram.robot.parts import arm_of
-from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
+from flipdiagram.scenario.scenario import ARCHITECTURES
 from flipdiagram.simulation.simulate import simulate
 
 SIGNALS = ("x_cmd", "v_cmd", "a_cmd", "q", "qd")
 
 
 def controller(architecture, arm, **fields):
-    return build_controller(Scenario().with_overrides(fields), architecture, arm)
+    return build_controller(IDEAL.with_overrides(fields), architecture, arm)
 
 
 def sent(system, ticks):
@@ -57,7 +58,7 @@ def random_ticks(arm, count=40):
 @pytest.mark.parametrize("architecture", ARCHITECTURES)
 @pytest.mark.parametrize("fields", [{}, {"controller.gravity_compensation": 0.7}], ids=["figure", "gravity"])
 def test_it_has_the_bits_of_the_diagram(architecture, fields):
-    arm = arm_of(Scenario())
+    arm = arm_of(IDEAL)
     torques = [
         sent(system, random_ticks(arm))
         for system in (controller(architecture, arm, **fields), Fused(controller(architecture, arm, **fields)))
@@ -68,7 +69,7 @@ def test_it_has_the_bits_of_the_diagram(architecture, fields):
 
 def flip_ticks():
     """What the controller sees in the default flip."""
-    flip, hold, ticks = default_flip().recording, np.array([0.5, 0.0, 0.0]), []
+    flip, hold, ticks = ideal_flip().recording, np.array([0.5, 0.0, 0.0]), []
     for k in range(flip.sizes["time"]):
         commands = {
             name: np.append(flip[name].values[k], hold if name == "x_cmd" else np.zeros(3)) for name in SIGNALS[:3]
@@ -80,7 +81,7 @@ def flip_ticks():
 @pytest.mark.parametrize("architecture", ARCHITECTURES)
 def test_the_native_controller_sends_the_torques_of_the_boxes_over_a_flip(architecture):
     """Along one recording: in the loop contact would amplify the rounding."""
-    arm, ticks = arm_of(Scenario()), flip_ticks()
+    arm, ticks = arm_of(IDEAL), flip_ticks()
     boxes = sent(controller(architecture, arm), ticks)
     box = Fused(controller(architecture, native_arm(arm)), native=True)
     assert box.is_native
@@ -91,7 +92,7 @@ def test_the_native_controller_sends_the_torques_of_the_boxes_over_a_flip(archit
 
 @pytest.mark.parametrize("architecture", ["pd", "pd+ff+dob"])
 def test_so_does_that_of_an_arm_of_seven_joints(architecture):
-    scenario = Scenario().with_overrides(PANDA | {"arm.file": package_file(PANDA["arm.file"])})
+    scenario = IDEAL.with_overrides(PANDA | {"arm.file": package_file(PANDA["arm.file"])})
     arm = arm_of(scenario)
     ticks = random_ticks(arm, 400)
     boxes, native = (
@@ -107,7 +108,7 @@ def test_so_does_that_of_an_arm_of_seven_joints(architecture):
 
 def test_laws_that_cannot_be_compiled_are_called_as_they_are():
     """The kinematics of Drake's own arm, and its gravity."""
-    arm = arm_of(Scenario())
+    arm = arm_of(IDEAL)
     for one, fields in ((arm, {}), (native_arm(arm), {"controller.gravity_compensation": 0.7})):
         box = Fused(controller("pd+dob", one, **fields), native=True)
         assert not box.is_native
@@ -116,7 +117,7 @@ def test_laws_that_cannot_be_compiled_are_called_as_they_are():
 
 
 def test_at_a_singular_pose_it_says_what_the_boxes_say():
-    arm = arm_of(Scenario())
+    arm = arm_of(IDEAL)
     tick = {name: 0.0 * value for name, value in random_ticks(arm, 1)[0].items()}
     messages = []
     for box in (controller("pd", arm), Fused(controller("pd", native_arm(arm)), native=True)):
@@ -150,8 +151,8 @@ def test_a_fresh_process_finds_the_machine_code():
 
 
 def test_runs_use_it_unless_a_box_is_the_users_own():
-    plan = default_plan()
-    scenario = Scenario().with_overrides({"simulation.hold_time": 0.02, "simulation.settle_time": 0.0})
+    plan = ideal_plan()
+    scenario = IDEAL.with_overrides({"simulation.hold_time": 0.02, "simulation.settle_time": 0.0})
     gains = np.full(6, 350.0), np.full(6, 120.0)
     own = {"pd": lambda: ProportionalDerivative(*gains)}
     runs = [simulate(scenario, "pd+dob", plan, replace=replace).recording for replace in (None, own)]
@@ -162,7 +163,7 @@ def test_runs_use_it_unless_a_box_is_the_users_own():
 
 def test_a_tick_of_its_law_stands_in_its_state():
     """Two Contexts of one box share nothing."""
-    arm = arm_of(Scenario())
+    arm = arm_of(IDEAL)
     box, ticks = Fused(controller("pd+dob", arm)), random_ticks(arm, 5)
     first = sent(box, ticks)
     np.testing.assert_array_equal(first, sent(box, ticks))

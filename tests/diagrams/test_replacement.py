@@ -2,16 +2,16 @@
 
 import numpy as np
 import pytest
+from ideal import IDEAL
 from pydrake.systems.framework import LeafSystem
-from shared import default_plan
+from shared import ideal_plan
 
 from flipdiagram.blocks.pd import ProportionalDerivative
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import InputError
-from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.simulate import simulate, simulate_loop
 
-SHORT = Scenario().with_overrides({"simulation.hold_time": 0.05, "simulation.settle_time": 0.0})
+SHORT = IDEAL.with_overrides({"simulation.hold_time": 0.05, "simulation.settle_time": 0.0})
 
 
 class Box(LeafSystem):
@@ -33,7 +33,7 @@ class Box(LeafSystem):
 
 @pytest.fixture(scope="module")
 def plan():
-    return default_plan()
+    return ideal_plan()
 
 
 def run(plan, architecture, replace):

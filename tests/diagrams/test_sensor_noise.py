@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 from diagrams.test_controller import edges
-from shared import default_plan
+from ideal import IDEAL
+from shared import ideal_plan
 
 from flipdiagram.blocks.noise import white_noise
 from flipdiagram.diagrams.controller import nominal_inertia
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import InputError
 from flipdiagram.robot.parts import arm_of
-from flipdiagram.scenario.scenario import Scenario, from_yaml
+from flipdiagram.scenario.scenario import from_yaml
 from flipdiagram.simulation.simulate import simulate
 
 SHORT = {"simulation.start": "hold", "simulation.hold_time": 0.02, "simulation.settle_time": 0.0}
@@ -19,7 +20,7 @@ NOISY = {"sensors.position_noise": 1e-4, "sensors.velocity_noise": 1e-2}
 
 def flown(**changes):
     fields = {path.replace("__", "."): value for path, value in changes.items()}
-    return simulate(Scenario().with_overrides(SHORT | fields), "pd+ff+dob", default_plan()).recording
+    return simulate(IDEAL.with_overrides(SHORT | fields), "pd+ff+dob", ideal_plan()).recording
 
 
 def noisy(**changes):
@@ -42,7 +43,7 @@ def same(one, other):
 
 def test_without_noise_nothing_changes_to_the_bit(quiet):
     assert same(quiet, flown(sensors__noise_seed=5))
-    diagram = build_loop(Scenario().with_overrides({"sensors.noise_seed": 5})).diagram
+    diagram = build_loop(IDEAL.with_overrides({"sensors.noise_seed": 5})).diagram
     assert not any(diagram.HasSubsystemNamed(name) for name in ("position_noise", "velocity_noise"))
 
 
@@ -56,7 +57,7 @@ def test_the_same_seed_gives_the_same_run_and_another_another(first, quiet):
 def test_the_boxes_stand_between_the_state_and_the_other_sensors():
     def found(**changes):
         fields = {f"sensors.{name}": value for name, value in changes.items()}
-        return edges(build_loop(Scenario().with_overrides(fields)).diagram)
+        return edges(build_loop(IDEAL.with_overrides(fields)).diagram)
 
     both = found(position_noise=1e-4, velocity_noise=1e-2)
     assert {("joint_state.y0", "position_noise.u"), ("joint_state.y1", "velocity_noise.u")} <= both
@@ -78,8 +79,8 @@ def test_the_boxes_stand_between_the_state_and_the_other_sensors():
 def test_the_controller_answers_to_the_state_with_the_noise_of_that_tick(delay, step):
     """Its law computed a second time from the recorded state and the numbers drawn."""
     changes = {"sensors.noise_seed": 3, "sensors.delay": delay, "simulation.step": step}
-    scenario = Scenario().with_overrides(SHORT | NOISY | changes)
-    plan, arm = default_plan(), arm_of(scenario)
+    scenario = IDEAL.with_overrides(SHORT | NOISY | changes)
+    plan, arm = ideal_plan(), arm_of(scenario)
     run = simulate(scenario, "pd", plan).recording
     q, qd, tau = (run[name].values for name in ("q", "qd", "tau"))
     inertia, gains = nominal_inertia(scenario, arm, q[0]), scenario.controller

@@ -10,6 +10,7 @@ from itertools import pairwise
 
 import pydot
 import pytest
+from ideal import IDEAL
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Adder, Gain, Integrator, LogVectorOutput, ZeroOrderHold
 
@@ -18,7 +19,7 @@ from flipdiagram.diagrams.one_dof import build_controller, build_experiment, bui
 from flipdiagram.drawing import draw
 from flipdiagram.errors import InputError, MissingProgramError
 from flipdiagram.scenario.one_dof import OneDof
-from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
+from flipdiagram.scenario.scenario import ARCHITECTURES
 
 # pydot calls pyparsing by names that pyparsing is about to drop
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning:pydot.*")
@@ -29,7 +30,7 @@ METERS = {"lockin_x", "lockin_a", "peak_x", "peak_a", "peak_force", "rms_error"}
 
 @pytest.fixture(scope="module", params=ARCHITECTURES)
 def loop(request):
-    return build_loop(Scenario(), request.param, record=True)
+    return build_loop(IDEAL, request.param, record=True)
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +128,7 @@ def test_absent_boxes_and_log_sinks_are_not_drawn(loop):
 
 
 def test_the_signals_have_the_papers_names():
-    loop = build_loop(Scenario())
+    loop = build_loop(IDEAL)
     signals = {(line.source[-1], line.target[-1]): line.signals for line in draw(loop).lines}
     assert signals == {
         ("mpc", "pd"): ("x_cmd", "v_cmd"),
@@ -149,7 +150,7 @@ def test_the_signals_have_the_papers_names():
 
 
 def test_the_main_path_runs_from_left_to_right_and_feedback_back():
-    lines = draw(build_loop(Scenario())).lines
+    lines = draw(build_loop(IDEAL)).lines
     main = ["mpc", "pd", "a_ref_sum", "inverse_jacobian", "nominal_inertia", "tau_sum", "torque_limit", "robot"]
     assert {(line.source[-1], line.target[-1]) for line in lines if line.main} == set(pairwise(main))
     back = {(line.source[-1], line.target[-1]) for line in lines if line.backward}
@@ -246,7 +247,7 @@ def test_rates_in_markdown_and_on_the_boxes():
 
 
 def test_offsets_of_samples_are_told():
-    loop = build_loop(Scenario().with_overrides({"simulation.step": 0.0005}))
+    loop = build_loop(IDEAL.with_overrides({"simulation.step": 0.0005}))
     hold = next(row for row in draw(loop).rates() if row.name == "hold")
     assert (hold.timing.period, hold.timing.offset, hold.timing.text) == (
         0.001,
@@ -265,7 +266,7 @@ print(json.dumps(digests()))
 
 def digests():
     """Hashes of all texts of some drawings."""
-    drawings = [draw(build_loop(Scenario(), record=True), rates=True), draw(users_diagram(), depth=1)]
+    drawings = [draw(build_loop(IDEAL, record=True), rates=True), draw(users_diagram(), depth=1)]
     texts = [text for d in drawings for text in (d.dot(), d.mermaid(), d.rates().to_markdown(), d._repr_svg_() or "")]
     return [hashlib.sha256(text.encode()).hexdigest() for text in texts]
 

@@ -15,8 +15,9 @@ import grimp
 import numpy as np
 import pytest
 from flips.tasks import fly_or_hang, fly_wrongly, refuse_to_plan
+from ideal import IDEAL
 from patience import HUNG, loaded
-from shared import default_plan
+from shared import ideal_plan
 
 import flipdiagram
 from flipdiagram.errors import InputError, SimulationError
@@ -55,7 +56,7 @@ def closure(*roots, without=()):
 def another(path):
     """A valid value of a field that differs from the default."""
     section, name = path.split(".")
-    value = getattr(getattr(Scenario(), section), name)
+    value = getattr(getattr(IDEAL, section), name)
     special = {
         "arm.link_inertia_scales": (1.1,) * 6,
         "arm.reflected_inertia_scales": (1.1,) * 6,
@@ -102,55 +103,55 @@ UNUSED = ("one_dof", "frequency")
 
 
 def test_the_key_changes_with_every_field_that_the_flip_reads_and_with_no_other():
-    base = {name: Flip(Scenario(), name).key for name in ARCHITECTURES}
+    base = {name: Flip(IDEAL, name).key for name in ARCHITECTURES}
     assert len(set(base.values())) == 4
     for path in PATHS:
         if path.startswith(UNUSED):
             continue
-        changed = Scenario().with_overrides({path: another(path)})
+        changed = IDEAL.with_overrides({path: another(path)})
         for name in ARCHITECTURES:
             same = path == "controller.g_dis" and "dob" not in name
             assert (Flip(changed, name).key == base[name]) is same, (path, name)
 
 
 def test_the_study_of_section_iii_has_no_part_in_a_flip():
-    other = Scenario().with_overrides(
+    other = IDEAL.with_overrides(
         {"one_dof.k_p": 500.0, "one_dof.g_dis": 60.0, "frequency.count": 30, "frequency.lowest": 0.5}
     )
-    assert Flip(other, "pd+dob").key == Flip(Scenario(), "pd+dob").key
-    assert Flip(other, "pd+dob").plan_key == Flip(Scenario(), "pd+dob").plan_key
+    assert Flip(other, "pd+dob").key == Flip(IDEAL, "pd+dob").key
+    assert Flip(other, "pd+dob").plan_key == Flip(IDEAL, "pd+dob").plan_key
 
 
 def test_the_key_of_a_flip_in_mujoco_holds_its_version(monkeypatch):
-    flown = Flip(Scenario().with_overrides({"simulation.engine": "mujoco"}), "pd")
-    keys = {Flip(Scenario(), "pd").key}
+    flown = Flip(IDEAL.with_overrides({"simulation.engine": "mujoco"}), "pd")
+    keys = {Flip(IDEAL, "pd").key}
     for number in ("4.0.0", "4.1.0"):
         monkeypatch.setattr(flip_module, "version", lambda name, number=number: number)
         keys.add(flown.key)
-    assert len(keys) == 3 and Flip(Scenario(), "pd").key in keys
-    assert flown.plan_key == Flip(Scenario(), "pd").plan_key
+    assert len(keys) == 3 and Flip(IDEAL, "pd").key in keys
+    assert flown.plan_key == Flip(IDEAL, "pd").plan_key
 
 
 def test_the_name_of_the_recording_is_no_part_of_the_question():
-    assert Flip(Scenario(), "pd", "a.nc").key == Flip(Scenario(), "pd").key
+    assert Flip(IDEAL, "pd", "a.nc").key == Flip(IDEAL, "pd").key
 
 
 def test_the_plan_key_changes_with_the_sections_of_the_plan_alone():
     for path in PATHS:
-        changed = Flip(Scenario().with_overrides({path: another(path)}), "pd") if not path.startswith(UNUSED) else None
+        changed = Flip(IDEAL.with_overrides({path: another(path)}), "pd") if not path.startswith(UNUSED) else None
         if changed is not None:
             wanted = path.split(".")[0] in PLAN_SECTIONS
-            assert (changed.plan_key != Flip(Scenario(), "pd").plan_key) is wanted, path
+            assert (changed.plan_key != Flip(IDEAL, "pd").plan_key) is wanted, path
 
 
 def test_a_plan_depends_on_the_sections_of_the_plan_alone():
     """All other fields changed at once, the states are the same to the bit."""
     changes = {path: another(path) for path in PATHS if path.split(".")[0] not in (*PLAN_SECTIONS, *UNUSED)}
     changes |= {"joint_friction.transition_velocity": 0.1, "controller.period": 0.001, "sensors.encoder_bits": None}
-    other = Scenario().with_overrides(changes)
+    other = IDEAL.with_overrides(changes)
     for section in ("joint_friction", "joints", "drive", "disturbance", "controller", "sensors", "simulation"):
-        assert getattr(other, section) != getattr(Scenario(), section)
-    one, two = default_plan(), plan_motion(other)
+        assert getattr(other, section) != getattr(IDEAL, section)
+    one, two = ideal_plan(), plan_motion(other)
     for name, value in vars(one).items():
         if name not in ("solve_time", "program_times"):  # how long it took
             np.testing.assert_array_equal(value, getattr(two, name), err_msg=name)
@@ -159,7 +160,7 @@ def test_a_plan_depends_on_the_sections_of_the_plan_alone():
 def test_a_model_file_counts_by_its_content(tmp_path):
     file = tmp_path / "block.sdf"
     file.write_text("<sdf/>")
-    scenario = Scenario().with_overrides({"object.file": str(file)})
+    scenario = IDEAL.with_overrides({"object.file": str(file)})
     before = Flip(scenario, "pd")
     keys = before.key, before.plan_key
     file.write_text("<sdf version='1.7'/>")
@@ -215,7 +216,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def flips():
-    near = Scenario().with_overrides(SHORT)
+    near = IDEAL.with_overrides(SHORT)
     far = near.with_overrides({"planner.table_clearance": 0.3})
     wild = near.with_overrides(
         {"simulation.start": "hold", "controller.k_p": 1e12, "controller.k_v": 1e9, "arm.torque_scale": 1e6}
@@ -292,7 +293,7 @@ def test_a_recording_that_is_gone_or_anothers_is_run_again(outcomes, flips, fold
 
 
 def test_a_flip_that_is_lost_is_an_error_and_flown_again_while_the_others_are_kept(tmp_path, monkeypatch):
-    near = Scenario().with_overrides(SHORT)
+    near = IDEAL.with_overrides(SHORT)
     flips = [Flip(near, "pd"), Flip(near, "pd+ff")]
     monkeypatch.setattr(flips_run, "LEAST_TIMEOUT", loaded(5.0))
     monkeypatch.setattr(flips_run, "PACE", 0.0)
@@ -311,7 +312,7 @@ def test_a_flip_that_is_lost_is_an_error_and_flown_again_while_the_others_are_ke
 def test_a_bad_input_that_only_the_planner_sees_ends_the_run(tmp_path, monkeypatch):
     monkeypatch.setattr(flips_run, "WORK", Work(refuse_to_plan, fly_flight))
     with pytest.raises(InputError, match="planner.solver = 'none'") as caught:
-        run_flips([Flip(Scenario(), "pd")], tmp_path)
+        run_flips([Flip(IDEAL, "pd")], tmp_path)
     assert caught.value.field == "planner.solver"
 
 
@@ -376,7 +377,7 @@ def test_a_killed_command_goes_on_where_it_was(tmp_path):
     # the seconds a flip took would differ if it had been run again
     assert {key: after[key] for key in before} == before
 
-    scenario = Scenario().with_overrides({"simulation.hold_time": 0.2, "simulation.settle_time": 0.1})
+    scenario = IDEAL.with_overrides({"simulation.hold_time": 0.2, "simulation.settle_time": 0.1})
     experiment.run(scenario, undisturbed, starts=[0.0], architectures=["pd", "pd+ff+dob"])
     one, two = (json.loads((folder / "summary.json").read_text()) for folder in (killed, undisturbed))
     assert len(one["runs"]) == 2

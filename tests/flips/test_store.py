@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from campaign.made_up import QUIET
+from ideal import IDEAL
 from patience import HUNG
 
 from flipdiagram.campaign.checks import from_text
@@ -21,7 +22,6 @@ from flipdiagram.flips.order import row_of
 from flipdiagram.flips.outcome import Outcome
 from flipdiagram.flips.store import SCHEMA, Row
 from flipdiagram.flips.store_file import APPLICATION, is_running, open_to_read, open_to_write
-from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.events import Touchdown
 from flipdiagram.simulation.metrics import FlipMetrics
 
@@ -200,7 +200,7 @@ def test_a_row_with_numbers_that_are_none_comes_back_as_it_was():
     for touchdown in (None, Touchdown(0.5, 0.01, 0.205, 3.0)):
         some = {"touchdown": touchdown, "landing_cost_J": float("nan"), "start_y_m": -0.0, "release_time_s": 5e-324}
         before = Outcome(FlipMetrics(**numbers | plain | some), "dropped", {"cost_J": 1.25}, 0.5)
-        flight = Flight("key", Scenario(), Scenario(), "pd")
+        flight = Flight("key", IDEAL, IDEAL, "pd")
         written = row_of(flight, Landed(before, 1.0, "c", {}, "h"))
         after = json.loads(json.dumps(written.metrics)), written.failure, written.plan
         assert repr(Outcome.from_row(*after)) == repr(before)  # nan differs from itself, its text does not

@@ -1,6 +1,7 @@
 """One default plan, shared by all tests of planning."""
 
 import pytest
+from ideal import IDEAL
 
 from flipdiagram.planning import Plan, Planner
 from flipdiagram.robot.arm import ArmModel
@@ -10,7 +11,7 @@ from flipdiagram.scenario.scenario import Scenario
 
 @pytest.fixture(scope="session")
 def scenario() -> Scenario:
-    return Scenario()
+    return IDEAL
 
 
 @pytest.fixture(scope="session")

@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from ideal import IDEAL
 from pydrake.multibody.tree import PrismaticJoint
 from robots import package_file
 
@@ -17,7 +18,6 @@ from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.arm_spec import ArmSpec
 from flipdiagram.robot.native_arm import NativeArm, native_arm
 from flipdiagram.scenario.cell import Arm
-from flipdiagram.scenario.scenario import Scenario
 
 X = 0.5
 
@@ -127,7 +127,7 @@ SCENARIOS = {
 @pytest.mark.parametrize("shift", [0.0, 0.01])
 @pytest.mark.parametrize("fields", SCENARIOS.values(), ids=SCENARIOS)
 def test_all_rows_by_machine_code_are_those_by_numpy_and_drake(fields, shift):
-    scenario = Scenario().with_overrides({**fields, "planner.solver": "daqp"})
+    scenario = IDEAL.with_overrides({**fields, "planner.solver": "daqp"})
     horizons = Convexification(scenario, ArmModel(ArmSpec(scenario.arm, scenario.object.thickness / 2)))
     point = horizons.guess(24, 5)
     rng = np.random.default_rng(1)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from ideal import IDEAL
 from planar import blade, block, flown, placed
 
 from flipdiagram.planning import constraints
@@ -17,10 +18,9 @@ from flipdiagram.planning.constraints import Geometry, Trajectory
 from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.rows import Linearisation, Rows, part
 from flipdiagram.robot.model_files import box_inertia
-from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.theory import contact
 
-SCENARIO = Scenario()
+SCENARIO = IDEAL
 PLANNER, THING = SCENARIO.planner, SCENARIO.object
 LAYOUT = Layout(release=6, n_brake=4)
 R, N, DT = LAYOUT.release, LAYOUT.intervals, PLANNER.sampling_time

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from ideal import IDEAL
 
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import limits
@@ -10,7 +11,6 @@ from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.limits import POSITION, SPEED, TORQUE, Allowed
 from flipdiagram.planning.rows import Rows
 from flipdiagram.robot.arm import ArmModel
-from flipdiagram.scenario.scenario import Scenario
 
 LAYOUT, FIRST, X = Layout(release=4, n_brake=2), 2, 0.5
 SEEDS = range(4)
@@ -110,7 +110,7 @@ def test_rows_are_the_linearised_limits_of_the_joints_near_them(arm, seed, nativ
 
 def test_rows_keep_to_the_allowed_shares_of_the_limits(arm):
     margins = {"planner.position_margin": 0.1, "planner.speed_margin": 0.25, "planner.torque_margin": 0.4}
-    allowed = Allowed.of(arm, Scenario().with_overrides(margins))
+    allowed = Allowed.of(arm, IDEAL.with_overrides(margins))
     np.testing.assert_allclose(allowed.middle - allowed.half, arm.q_min + 0.1)
     np.testing.assert_allclose(allowed.middle + allowed.half, arm.q_max - 0.1)
     np.testing.assert_allclose(allowed.speed, 0.75 * arm.qd_max)
@@ -131,7 +131,7 @@ def test_an_arm_at_rest_needs_no_speed_rows(arm):
     q = arm.inverse_kinematics(task_pose(states[0], X))
     motion = ArmMotion(arm, X).follow(states, inputs, q)
     np.testing.assert_allclose(motion.torque[0], np.tile(arm.gravity_torque(q), (4, 1)), atol=1e-9)
-    parts = limits.joint_rows(LAYOUT, motion, (states, inputs), ArmMotion(arm, X), Allowed.of(arm, Scenario()))
+    parts = limits.joint_rows(LAYOUT, motion, (states, inputs), ArmMotion(arm, X), Allowed.of(arm, IDEAL))
     assert {name for each in parts for name, _ in each.groups} == {POSITION}
     uses = limits.limit_use(motion, arm)
     np.testing.assert_allclose(uses[SPEED], 0, atol=1e-12)

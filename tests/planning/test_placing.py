@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from ideal import IDEAL
 from scipy.integrate import solve_ivp
 
 from flipdiagram.errors import PlanningError
@@ -14,7 +15,6 @@ from flipdiagram.planning.rows import Constraint
 from flipdiagram.planning.segment import segment
 from flipdiagram.planning.slide import Slide, tilt_for
 from flipdiagram.robot.parts import arm_of
-from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.theory import contact
 
 G = 9.81
@@ -81,7 +81,7 @@ def test_a_segment_keeps_its_rows_or_says_that_it_cannot():
 
 @pytest.fixture(scope="module", params=[1.86, 0.5])
 def placed(request):
-    scenario = Scenario().with_overrides({"object.friction": request.param})
+    scenario = IDEAL.with_overrides({"object.friction": request.param})
     return scenario, Placer(scenario, arm_of(scenario)).plan()
 
 
@@ -115,6 +115,6 @@ def test_the_blade_never_touches_the_table_and_the_object_is_aimed_at_the_target
 
 
 def test_what_is_out_of_reach_is_refused():
-    scenario = Scenario().with_overrides({"place.target_y": 0.9, "task.workspace_y": (-0.35, 1.5)})
+    scenario = IDEAL.with_overrides({"place.target_y": 0.9, "task.workspace_y": (-0.35, 1.5)})
     with pytest.raises(PlanningError, match="the object cannot be laid down"):
         Placer(scenario, arm_of(scenario)).plan()

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from ideal import IDEAL
 from planar import G, blade, block, flown, gap, placed, polar
 
 from flipdiagram.errors import PlanningError
@@ -58,7 +59,7 @@ def assert_all_constraints_hold(plan: Plan, scenario: Scenario) -> None:
 
 @pytest.mark.parametrize("solver", ["daqp", "clarabel"])
 def test_a_command_that_stops_at_the_release_keeps_all_constraints_and_its_velocity_until_then(solver):
-    scenario = Scenario().with_overrides({"planner.stop": "immediate", "planner.solver": solver})
+    scenario = IDEAL.with_overrides({"planner.stop": "immediate", "planner.solver": solver})
     plan = plan_motion(scenario)
     assert_all_constraints_hold(plan, scenario)
     assert plan.duration == plan.release_time and plan.release[5] > 1.0
@@ -76,7 +77,7 @@ def test_a_command_that_stops_at_the_release_keeps_all_constraints_and_its_veloc
 def test_from_any_start_all_constraints_hold(seed):
     rng = np.random.default_rng(seed)
     start = {"task.start_y": float(rng.uniform(-0.1, 0.14)), "task.start_z": float(rng.uniform(0.3, 0.4))}
-    scenario = Scenario().with_overrides(start)
+    scenario = IDEAL.with_overrides(start)
     plan = plan_motion(scenario)
     assert_all_constraints_hold(plan, scenario)
     assert plan.cost < 0.7
@@ -85,7 +86,7 @@ def test_from_any_start_all_constraints_hold(seed):
 @pytest.fixture(scope="module")
 def slippery():
     """Plans by friction coefficient."""
-    scenarios = {mu: Scenario().with_overrides({"object.friction": mu}) for mu in (0.6, 0.35, 0.12)}
+    scenarios = {mu: IDEAL.with_overrides({"object.friction": mu}) for mu in (0.6, 0.35, 0.12)}
     return {mu: (plan_motion(scenario), scenario) for mu, scenario in scenarios.items()}
 
 
@@ -112,7 +113,7 @@ def test_the_more_slippery_the_dearer(slippery, plan):
     ids=lambda overrides: next(iter(overrides)),
 )
 def test_at_the_edge_of_what_the_arm_can_do_all_constraints_hold(overrides):
-    scenario = Scenario().with_overrides(overrides)
+    scenario = IDEAL.with_overrides(overrides)
     plan = plan_motion(scenario)
     assert_all_constraints_hold(plan, scenario)
     if "table.height" in overrides:
@@ -210,7 +211,7 @@ def test_a_joint_limit_exceeded_between_samples_is_fed_back(scenario, plan, monk
 )
 def test_the_impossible_is_refused_in_one_line_naming_the_constraint(overrides, message):
     # few flight samples: what is impossible is so for any of them
-    scenario = Scenario().with_overrides({"planner.flight_samples": (5, 6), **overrides})
+    scenario = IDEAL.with_overrides({"planner.flight_samples": (5, 6), **overrides})
     with pytest.raises(PlanningError) as error:
         plan_motion(scenario)
     assert re.search(message, str(error.value)), str(error.value)
@@ -219,7 +220,7 @@ def test_the_impossible_is_refused_in_one_line_naming_the_constraint(overrides, 
 
 def test_too_few_linearisations_are_named():
     with pytest.raises(PlanningError, match=r"not settled within 1 linearisations \(planner.max_iterations\)"):
-        plan_motion(Scenario().with_overrides({"planner.max_iterations": 1, "planner.flight_samples": (5, 5)}))
+        plan_motion(IDEAL.with_overrides({"planner.max_iterations": 1, "planner.flight_samples": (5, 5)}))
 
 
 def test_the_chosen_horizon_is_no_worse_than_others(planner, plan):

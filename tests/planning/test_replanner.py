@@ -2,23 +2,23 @@
 
 import numpy as np
 import pytest
-from shared import default_plan
+from ideal import IDEAL
+from shared import ideal_plan
 
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning.replanner import Replanner
 from flipdiagram.robot.parts import arm_of
-from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.theory import contact
 
 
 @pytest.fixture(scope="module")
 def scenario():
-    return Scenario()
+    return IDEAL
 
 
 @pytest.fixture(scope="module")
 def plan():
-    return default_plan()
+    return ideal_plan()
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
+from ideal import IDEAL
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.systems.analysis import Simulator
@@ -14,7 +15,6 @@ from pydrake.systems.primitives import ConstantVectorSource
 from flipdiagram.errors import InputError, rounded_up
 from flipdiagram.plants.cell import add_cell
 from flipdiagram.robot.parts import arm_of
-from flipdiagram.scenario.scenario import Scenario
 
 G = 9.81
 STEP = 0.001
@@ -64,7 +64,7 @@ class Bench:
 
 @pytest.fixture(scope="module")
 def bench():
-    return Bench(Scenario())
+    return Bench(IDEAL)
 
 
 def on_blade(scenario):
@@ -77,7 +77,7 @@ def on_table(scenario):
 
 @pytest.mark.parametrize(("place", "pair"), [(on_blade, 0), (on_table, 1)])
 def test_a_block_at_rest_stays_at_rest_and_its_weight_is_carried(bench, place, pair):
-    scenario = Scenario()
+    scenario = IDEAL
     X_0 = place(scenario)
     simulator = bench.start(X_0)
     simulator.AdvanceTo(1.0)
@@ -112,7 +112,7 @@ def test_free_flight_follows_the_steppers_closed_form_and_the_parabola(bench, ve
 
 
 def test_a_landing_block_gives_the_table_its_momentum(bench):
-    scenario = Scenario()
+    scenario = IDEAL
     drop = on_table(scenario).translation() + [0, 0, 0.02]
     simulator = bench.start(RigidTransform(drop))
     impulse, mass, end = 0.0, scenario.object.mass, 0.4
@@ -141,7 +141,7 @@ def test_joint_friction_only_takes_energy(bench):
 
 
 def test_blade_and_table_report_their_contact():
-    scenario = Scenario().with_overrides({"table.height": 0.35})
+    scenario = IDEAL.with_overrides({"table.height": 0.35})
     bench = Bench(scenario)
     simulator = bench.start(RigidTransform([0.5, 0.2, 2.0]), lock=False)  # Drake drops contacts of locked bodies
     force = bench.force(simulator)
@@ -153,9 +153,9 @@ def test_blade_and_table_report_their_contact():
 @hypothesis_settings(max_examples=4)
 @given(table=st.floats(0.05, 0.15), block=st.floats(0.1, 2.0))
 def test_a_sliding_block_is_braked_by_the_combined_friction(table, block):
-    bench = Bench(Scenario().with_overrides({"object.friction": block, "table.friction": table}))
+    bench = Bench(IDEAL.with_overrides({"object.friction": block, "table.friction": table}))
     # slowly and on little friction: Drake's convex contact lifts a block that is set sliding fast
-    simulator = bench.start(on_table(Scenario()), SpatialVelocity([0, 0, 0], [0, -0.4, 0]))
+    simulator = bench.start(on_table(IDEAL), SpatialVelocity([0, 0, 0], [0, -0.4, 0]))
     settled, milliseconds = 0.06, 20
     simulator.AdvanceTo(settled)
     _, V_0 = bench.block()
@@ -167,7 +167,7 @@ def test_a_sliding_block_is_braked_by_the_combined_friction(table, block):
 
 
 def test_friction_that_would_chatter_is_refused():
-    scenario = Scenario().with_overrides({"joint_friction.transition_velocity": 0.001})
+    scenario = IDEAL.with_overrides({"joint_friction.transition_velocity": 0.001})
     with pytest.raises(InputError, match=r"transition_velocity' = 0.001 .* valid is at least"):
         Bench(scenario)
 
@@ -184,16 +184,16 @@ STICKING = {"joint_friction.model": "elasto-plastic"}
 )
 def test_sticking_that_would_chatter_is_refused(fields, message):
     with pytest.raises(InputError, match=message):
-        Bench(Scenario().with_overrides(STICKING | fields))
+        Bench(IDEAL.with_overrides(STICKING | fields))
 
 
 def test_the_least_value_that_a_message_names_is_valid():
     for value, text in ((0.00013371, "0.0001338"), (2.3, "2.3"), (11.11951, "11.12"), (9999.6, "1e+04"), (0.0, "0")):
         assert rounded_up(value) == text
     with pytest.raises(InputError) as caught:
-        Bench(Scenario().with_overrides({"joint_friction.transition_velocity": 0.001}))
+        Bench(IDEAL.with_overrides({"joint_friction.transition_velocity": 0.001}))
     named = float(str(caught.value).split("at least ")[1].split()[0])
-    Bench(Scenario().with_overrides({"joint_friction.transition_velocity": named}))
+    Bench(IDEAL.with_overrides({"joint_friction.transition_velocity": named}))
 
 
 @pytest.mark.parametrize("joints", ["rigid", "elastic"])
@@ -201,8 +201,8 @@ def test_the_smallest_presliding_that_is_valid_does_not_chatter_and_the_arm_come
     """All joints coupled, the smallest inertia included: struck, they come to rest, bent by what loads them."""
     kind = STICKING | {"joints.model": joints, "joint_friction.coulomb": 0.1}
     with pytest.raises(InputError) as caught:
-        Bench(Scenario().with_overrides(kind | {"joint_friction.presliding": 1e-6}))
-    scenario = Scenario().with_overrides(kind | {"joint_friction.presliding": 1.001 * caught.value.valid})
+        Bench(IDEAL.with_overrides(kind | {"joint_friction.presliding": 1e-6}))
+    scenario = IDEAL.with_overrides(kind | {"joint_friction.presliding": 1.001 * caught.value.valid})
     arm = arm_of(scenario)
     bench = Bench(scenario, arm.gravity_torque(Bench(scenario).q) + 0.4 * 0.1 * arm.tau_rated)
     simulator = bench.start(RigidTransform([0.5, 0, 50.0]), lock=False)

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from ideal import IDEAL
 from pydrake.geometry import Meshcat, SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
-from shared import default_plan
+from shared import ideal_plan
 
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.drawing import draw
@@ -19,7 +20,6 @@ from flipdiagram.plants.mujoco_model import cell_model
 from flipdiagram.robot.gears import gears_of, rotor_inertia, stable_damping
 from flipdiagram.robot.model_files import urdf_directory
 from flipdiagram.robot.parts import add_parts, arm_of
-from flipdiagram.scenario.scenario import Scenario
 
 ELASTIC = {"joints.model": "elastic"}
 N = 6
@@ -29,7 +29,7 @@ POSES = [None, np.array([0.5, 0.3, 0.2, -0.4, 0.6, 1.0]), np.array([-1.0, -0.8, 
 
 def scenario_at(step, **fields):
     """Elastic joints whose plant has this step, and those of its gears that are stable there."""
-    return Scenario().with_overrides(ELASTIC | fields | {"controller.period": step, "simulation.step": step})
+    return IDEAL.with_overrides(ELASTIC | fields | {"controller.period": step, "simulation.step": step})
 
 
 def matrices(scenario, q):
@@ -130,7 +130,7 @@ def test_the_slow_gears_swing_at_1_ms_as_they_do_in_continuous_time():
 
 def test_mujoco_swings_at_the_same_frequencies():
     mujoco = pytest.importorskip("mujoco")
-    scenario = Scenario().with_overrides(ELASTIC)
+    scenario = IDEAL.with_overrides(ELASTIC)
     arm = arm_of(scenario)
     plant, scene_graph = MultibodyPlant(0.001), SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
@@ -165,8 +165,8 @@ def test_at_rest_the_gears_give_way_by_the_load_over_their_stiffness(engine):
     if engine == "mujoco":
         pytest.importorskip("mujoco")
     fields = ELASTIC | {"simulation.engine": engine, "joint_friction.model": "elasto-plastic", "controller.k_p": 3000.0}
-    loop = build_loop(Scenario().with_overrides(fields), "pd+ff")
-    context, cell = loop.context(default_plan()), loop.cell
+    loop = build_loop(IDEAL.with_overrides(fields), "pd+ff")
+    context, cell = loop.context(ideal_plan()), loop.cell
 
     def now(port):
         return port.Eval(port.get_system().GetMyContextFromRoot(context))
@@ -184,7 +184,7 @@ def test_at_rest_the_gears_give_way_by_the_load_over_their_stiffness(engine):
 
 
 def test_the_holding_torque_is_the_slope_of_the_energy_of_arm_block_and_springs():
-    loop = build_loop(Scenario().with_overrides(ELASTIC))
+    loop = build_loop(IDEAL.with_overrides(ELASTIC))
     plant, context = loop.cell.plant, loop.diagram.CreateDefaultContext()
     mine = plant.GetMyContextFromRoot(context)
 
@@ -201,7 +201,7 @@ def test_a_push_of_the_motors_moves_both_engines_alike():
     pytest.importorskip("mujoco")
     ends = []
     for add in (add_cell, add_mujoco_cell):
-        scenario = Scenario().with_overrides(ELASTIC | {"simulation.step": 0.001 / 8})
+        scenario = IDEAL.with_overrides(ELASTIC | {"simulation.step": 0.001 / 8})
         arm, builder, q_start = arm_of(scenario), DiagramBuilder(), build_loop(scenario).q_start
         cell = add(builder, scenario, arm, q_start)
         torque = builder.AddSystem(ConstantVectorSource(cell.holding_torque(q_start) + 0.3 * arm.tau_rated))
@@ -221,7 +221,7 @@ def test_a_push_of_the_motors_moves_both_engines_alike():
 
 
 def test_rigid_joints_have_one_side():
-    cell = build_loop(Scenario()).cell
+    cell = build_loop(IDEAL).cell
     assert cell.parts.gears is None
     assert cell.q_link is cell.q and cell.qd_link is cell.qd
 
@@ -230,15 +230,15 @@ def test_rigid_joints_have_one_side():
 def test_a_drawing_shows_all_of_an_elastic_cell_as_the_robot(engine):
     if engine == "mujoco":
         pytest.importorskip("mujoco")
-    loop = build_loop(Scenario().with_overrides(ELASTIC | {"simulation.engine": engine}))
-    rigid = build_loop(Scenario().with_overrides({"simulation.engine": engine}))
+    loop = build_loop(IDEAL.with_overrides(ELASTIC | {"simulation.engine": engine}))
+    rigid = build_loop(IDEAL.with_overrides({"simulation.engine": engine}))
     assert {line.source for line in draw(loop).lines} == {line.source for line in draw(rigid).lines}
     assert len(loop.cell.systems) == len(rigid.cell.systems) + 2
 
 
 def test_a_hold_begins_with_gears_that_carry_the_arm():
-    loop = build_loop(Scenario().with_overrides(ELASTIC | {"simulation.start": "hold"}), "pd")
-    plant, mine = loop.cell.plant, loop.cell.plant.GetMyContextFromRoot(loop.context(default_plan()))
+    loop = build_loop(IDEAL.with_overrides(ELASTIC | {"simulation.start": "hold"}), "pd")
+    plant, mine = loop.cell.plant, loop.cell.plant.GetMyContextFromRoot(loop.context(ideal_plan()))
     np.testing.assert_array_equal(plant.GetPositions(mine, loop.cell.parts.arm.arm), loop.q_start)
     deflection = plant.GetPositions(mine, loop.cell.parts.gears.model)
     expected = -loop.cell.holding_torque(loop.q_start) / loop.cell.parts.gears.stiffness
@@ -248,9 +248,9 @@ def test_a_hold_begins_with_gears_that_carry_the_arm():
 @pytest.mark.parametrize("joints", ["rigid", "elastic"])
 def test_what_is_shown_of_mujocos_cell_are_the_links(joints):
     pytest.importorskip("mujoco")
-    scenario = Scenario().with_overrides({"joints.model": joints, "simulation.engine": "mujoco"})
+    scenario = IDEAL.with_overrides({"joints.model": joints, "simulation.engine": "mujoco"})
     loop = build_loop(scenario, meshcat=Meshcat())
-    context, plant, parts = loop.context(default_plan()), loop.cell.plant, loop.cell.parts
+    context, plant, parts = loop.context(ideal_plan()), loop.cell.plant, loop.cell.parts
     positions = loop.diagram.GetSubsystemByName("positions")
     shown, seen = plant.CreateDefaultContext(), positions.GetMyContextFromRoot(context)
     plant.SetPositions(shown, positions.get_output_port().Eval(seen))
@@ -273,11 +273,9 @@ def own_arm(tmp_path, *without):
 
 
 def test_an_arm_of_the_users_own_gets_gears_too(tmp_path):
-    own = Scenario().with_overrides(own_arm(tmp_path))
+    own = IDEAL.with_overrides(own_arm(tmp_path))
     home = arm_of(own).home
-    np.testing.assert_array_equal(
-        drakes_step(own, home, 1e-3), drakes_step(Scenario().with_overrides(ELASTIC), home, 1e-3)
-    )
+    np.testing.assert_array_equal(drakes_step(own, home, 1e-3), drakes_step(IDEAL.with_overrides(ELASTIC), home, 1e-3))
     numbers = {"joints.stiffness": (2e4,) * N, "joints.stiffness_scale": 0.5}
     given = own.with_overrides(own_arm(tmp_path, "gear_stiffness") | numbers)
     np.testing.assert_array_equal(gears_of(given, arm_of(given)).stiffness, np.full(N, 1e4))
@@ -303,14 +301,14 @@ def test_an_arm_of_the_users_own_gets_gears_too(tmp_path):
 )
 def test_what_cannot_be_simulated_is_refused_in_one_line(tmp_path, without, fields, message):
     with pytest.raises(InputError, match=message) as caught:
-        build_loop(Scenario().with_overrides(own_arm(tmp_path, *without) | fields))
+        build_loop(IDEAL.with_overrides(own_arm(tmp_path, *without) | fields))
     assert "\n" not in str(caught.value) and caught.value.exit_code == 2
 
 
 def test_gears_that_give_way_without_end_and_tamsi_are_refused():
     with pytest.raises(NoEquilibriumError, match="the gears give way; valid is a larger joints.stiffness"):
-        build_loop(Scenario().with_overrides(ELASTIC | {"joints.stiffness": (5.0,) * N}), "pd").context()
+        build_loop(IDEAL.with_overrides(ELASTIC | {"joints.stiffness": (5.0,) * N}), "pd").context()
     with pytest.raises(
         ScenarioError, match="'tamsi' is not valid; valid is sap, lagged or similar with elastic joints"
     ):
-        Scenario().with_overrides(ELASTIC | {"simulation.contact_approximation": "tamsi"})
+        IDEAL.with_overrides(ELASTIC | {"simulation.contact_approximation": "tamsi"})

@@ -4,6 +4,7 @@ import threading
 
 import numpy as np
 import pytest
+from ideal import IDEAL
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.geometry import Meshcat, SceneGraph
 from pydrake.math import RigidTransform, RotationMatrix
@@ -13,7 +14,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 from robots import UR5, package_file
-from shared import default_flip, default_plan
+from shared import ideal_flip, ideal_plan
 
 from flipdiagram.cli import main as cli
 from flipdiagram.diagrams.loop import ENGINES, build_loop
@@ -25,7 +26,6 @@ from flipdiagram.plants.mujoco_contact import compiled
 from flipdiagram.plants.mujoco_model import cell_model
 from flipdiagram.robot.model_files import block_sdf, model_path
 from flipdiagram.robot.parts import arm_of
-from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.metrics import measure
 from flipdiagram.simulation.simulate import simulate, simulate_loop
 
@@ -57,7 +57,7 @@ ARMS = {
 
 def scenario_of(fields):
     named = {"arm.file": package_file(fields["arm.file"])} if "arm.file" in fields else {}
-    return Scenario().with_overrides(fields | named)
+    return IDEAL.with_overrides(fields | named)
 
 
 class Models:
@@ -149,7 +149,7 @@ class Bench:
 
     def __init__(self, engine, torque=None, tilt=0.0, **fields):
         named = {name.replace("__", "."): value for name, value in fields.items()}
-        self.scenario = Scenario().with_overrides(named | {"simulation.engine": engine})
+        self.scenario = IDEAL.with_overrides(named | {"simulation.engine": engine})
         self.arm = arm_of(self.scenario)
         task = self.scenario.task
         level, self.q = (
@@ -335,8 +335,8 @@ def test_the_default_context_is_drakes(start):
     fields = {"simulation.start": start, "disturbance.start_error": 0.01, "disturbance.block_offset": 0.005}
     ports = []
     for engine in ENGINES:
-        loop = build_loop(Scenario().with_overrides(fields | {"simulation.engine": engine}), "pd")
-        context, cell = loop.context(default_plan()), loop.cell
+        loop = build_loop(IDEAL.with_overrides(fields | {"simulation.engine": engine}), "pd")
+        context, cell = loop.context(ideal_plan()), loop.cell
         read = [port.Eval(port.get_system().GetMyContextFromRoot(context)) for port in (cell.q, cell.qd, cell.block)]
         np.testing.assert_array_equal(read[0], loop.q_start)
         ports.append(np.concatenate(read))
@@ -383,20 +383,17 @@ def test_contexts_share_nothing_and_a_run_goes_on_from_its_context_to_the_bit():
 @pytest.fixture(scope="module")
 def flips():
     """The default flip in MuJoCo, by architecture."""
-    return {
-        name: simulate(Scenario().with_overrides(MUJOCO), name, default_plan()).recording
-        for name in ("pd", "pd+ff+dob")
-    }
+    return {name: simulate(IDEAL.with_overrides(MUJOCO), name, ideal_plan()).recording for name in ("pd", "pd+ff+dob")}
 
 
 def test_the_flip_turns_over_and_fails_as_in_drake(flips):
-    best, drake = measure(flips["pd+ff+dob"]), measure(default_flip().recording)
+    best, drake = measure(flips["pd+ff+dob"]), measure(ideal_flip().recording)
     assert best.success and drake.success
     assert abs(best.touchdown.theta_rad - drake.touchdown.theta_rad) < 0.06
     assert abs(best.touchdown.time_s - drake.touchdown.time_s) < 0.005
     assert best.max_slip_m < 0.6e-3
     assert best.position_rmse_m == pytest.approx(drake.position_rmse_m, rel=0.05)
-    worst, drakes = measure(flips["pd"]), measure(simulate(Scenario(), "pd", default_plan()).recording)
+    worst, drakes = measure(flips["pd"]), measure(simulate(IDEAL, "pd", ideal_plan()).recording)
     assert not worst.success and not drakes.success
     assert worst.failure.split()[0] == drakes.failure.split()[0], (worst.failure, drakes.failure)
 
@@ -404,7 +401,7 @@ def test_the_flip_turns_over_and_fails_as_in_drake(flips):
 def test_the_recording_names_the_engine(flips):
     said = flips["pd"].attrs["engine"]
     assert said.startswith(f"MuJoCo {mujoco.__version__}, step ") and "elliptic" in said and "\n" not in said
-    assert default_flip().recording.attrs["engine"] == "Drake, step 1 ms, hydroelastic_with_fallback, similar"
+    assert ideal_flip().recording.attrs["engine"] == "Drake, step 1 ms, hydroelastic_with_fallback, similar"
 
 
 def test_nothing_moves_before_the_motion_starts(flips):
@@ -418,11 +415,11 @@ def test_nothing_moves_before_the_motion_starts(flips):
 
 
 def test_a_step_is_computed_once_for_update_and_log(monkeypatch):
-    loop = build_loop(Scenario().with_overrides(MUJOCO | {"simulation.settle_time": 0.0}), record=True)
-    loop.context(default_plan())  # the equilibrium looks at contact too
+    loop = build_loop(IDEAL.with_overrides(MUJOCO | {"simulation.settle_time": 0.0}), record=True)
+    loop.context(ideal_plan())  # the equilibrium looks at contact too
     count, once = [], mujoco.mj_step
     monkeypatch.setattr(mujoco, "mj_step", lambda *given: (count.append(1), once(*given)))
-    data = simulate_loop(loop, default_plan()).recording
+    data = simulate_loop(loop, ideal_plan()).recording
     # the last sample is logged, and not left by an update
     assert len(count) == data.sizes["time"] * loop.cell.robot.substeps
     # an update whose effect on the block is that of the force logged with it
@@ -438,18 +435,18 @@ def test_a_step_is_computed_once_for_update_and_log(monkeypatch):
 def test_a_replanning_mpc_and_its_camera_fly_in_mujoco():
     fields = {"planner.replan_period": 0.2, "sensors.camera_period": 0.02, "disturbance.push": (5.0, 0.0)}
     fields["simulation.settle_time"] = 0.1
-    recording = simulate(Scenario().with_overrides(MUJOCO | fields), "pd+ff+dob", default_plan()).recording
+    recording = simulate(IDEAL.with_overrides(MUJOCO | fields), "pd+ff+dob", ideal_plan()).recording
     assert measure(recording).success
 
 
 def test_a_finer_plant_step_works():
-    recording = simulate(Scenario().with_overrides(MUJOCO | {"simulation.step": 5e-4}), "pd+ff+dob", default_plan())
+    recording = simulate(IDEAL.with_overrides(MUJOCO | {"simulation.step": 5e-4}), "pd+ff+dob", ideal_plan())
     assert measure(recording.recording).success
 
 
 def test_meshcat_sees_the_cell():
-    loop = build_loop(Scenario().with_overrides(MUJOCO), "pd", meshcat=Meshcat())
-    context = loop.context(default_plan())
+    loop = build_loop(IDEAL.with_overrides(MUJOCO), "pd", meshcat=Meshcat())
+    context = loop.context(ideal_plan())
     port = loop.diagram.GetSubsystemByName("geometry_poses").get_output_port()
     poses = port.Eval(port.get_system().GetMyContextFromRoot(context))
     frame = loop.cell.plant.GetBodyFrameIdOrThrow(loop.cell.parts.block.index())
@@ -477,12 +474,12 @@ def test_the_diagram_of_the_loop_is_drawn(tmp_path):
 
 
 def test_another_shape_than_a_box_is_refused(tmp_path):
-    text = block_sdf(Scenario())
+    text = block_sdf(IDEAL)
     text = text.replace("<box><size>0.062 0.065 0.01</size></box>", "<sphere><radius>0.005</radius></sphere>")
     hint = "<drake:mesh_resolution_hint>0.002</drake:mesh_resolution_hint>"
     text = text.replace("<drake:compliant_hydroelastic />", f"<drake:compliant_hydroelastic />{hint}")
     (tmp_path / "ball.sdf").write_text(text)
-    scenario = Scenario().with_overrides(MUJOCO | {"object.file": str(tmp_path / "ball.sdf")})
+    scenario = IDEAL.with_overrides(MUJOCO | {"object.file": str(tmp_path / "ball.sdf")})
     with pytest.raises(InputError, match="Sphere of the block; valid is Box") as refused:
         build_loop(scenario)
     assert "\n" not in str(refused.value)
@@ -493,7 +490,7 @@ def test_a_sliding_joint_is_refused(tmp_path):
     (tmp_path / "sliding.urdf").write_text(
         text.replace('<joint name="T" type="revolute">', '<joint name="T" type="prismatic">')
     )
-    scenario = Scenario().with_overrides(MUJOCO | {"arm.file": str(tmp_path / "sliding.urdf")})
+    scenario = IDEAL.with_overrides(MUJOCO | {"arm.file": str(tmp_path / "sliding.urdf")})
     builder = DiagramBuilder()
     with pytest.raises(InputError, match="moves chains of revolute joints, and this arm is none; valid is drake"):
         ENGINES["mujoco"](builder, scenario, arm_of(scenario), None)

@@ -1,13 +1,13 @@
 """The live view: a browser that connects sees the flip while it is simulated."""
 
 import pytest
+from ideal import IDEAL
 from pydrake.geometry import Meshcat
 
 from flipdiagram.errors import SimulationError
 from flipdiagram.rendering import live
-from flipdiagram.scenario.scenario import Scenario
 
-SHORT = Scenario().with_overrides({"simulation.hold_time": 0.05, "simulation.settle_time": 0.0})
+SHORT = IDEAL.with_overrides({"simulation.hold_time": 0.05, "simulation.settle_time": 0.0})
 
 
 def test_the_simulation_waits_for_a_browser_and_moves_what_it_sees(monkeypatch):

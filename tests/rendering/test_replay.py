@@ -8,12 +8,13 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 from conftest import ALTERNATIVES
+from ideal import IDEAL
 from patience import HUNG
 from synthetic import DROP, recording, recordings
 
 from flipdiagram.errors import InputError
 from flipdiagram.rendering import replay
-from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
+from flipdiagram.scenario.scenario import ARCHITECTURES
 
 MOVING = ("link_s", "link_l", "link_u", "link_r", "link_b", "link_t", "spatula", "block")
 STOP = 0.3  # [s] where the browser stops
@@ -47,7 +48,7 @@ function read() {
 
 @pytest.fixture(scope="module")
 def page():
-    return replay.replay_html(recordings(), Scenario())
+    return replay.replay_html(recordings(), IDEAL)
 
 
 class Links(HTMLParser):
@@ -102,22 +103,22 @@ def test_names_colours_and_verdicts_stand_in_the_page(page):
 
 
 def test_the_same_recordings_give_the_same_page(page):
-    assert replay.replay_html(recordings(), Scenario()) == page
+    assert replay.replay_html(recordings(), IDEAL) == page
 
 
 def test_one_architecture_and_recordings_of_different_lengths():
     long, short = recording("pd+dob"), recording("pd").sel(time=slice(None, 0.8))
-    html = replay.replay_html({"pd+dob": long, "pd": short}, Scenario())
+    html = replay.replay_html({"pd+dob": long, "pd": short}, IDEAL)
     assert [cell in html for cell in ('"PD"', '"PD + DOB"', '"PD + FF"')] == [True, True, False]
 
 
 def test_unknown_architecture_is_refused():
     with pytest.raises(InputError, match="'pid'"):
-        replay.replay_html({"pid": recording("pd")}, Scenario())
+        replay.replay_html({"pid": recording("pd")}, IDEAL)
 
 
 def test_the_file_is_written_whole_and_without_a_word(tmp_path, capfd):
-    path = replay.write_replay({"pd+dob": recording("pd+dob")}, Scenario(), tmp_path / "replay.html")
+    path = replay.write_replay({"pd+dob": recording("pd+dob")}, IDEAL, tmp_path / "replay.html")
     assert path.read_text(encoding="utf-8").rstrip().endswith("</html>")
     assert [entry.name for entry in tmp_path.iterdir()] == ["replay.html"]
     assert capfd.readouterr() == ("", "")

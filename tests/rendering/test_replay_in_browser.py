@@ -8,10 +8,10 @@ import subprocess
 import numpy as np
 import pytest
 from conftest import ALTERNATIVES
+from ideal import IDEAL
 from patience import HUNG
 
 from flipdiagram.rendering import replay
-from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.simulate import simulate
 
 BASE = (
@@ -50,7 +50,7 @@ PROBE = """
 
 @pytest.fixture(scope="module")
 def page():
-    scenario = Scenario().with_overrides({"simulation.hold_time": 1.0})
+    scenario = IDEAL.with_overrides({"simulation.hold_time": 1.0})
     return replay.replay_html({"pd+ff+dob": simulate(scenario, "pd+ff+dob").recording}, scenario)
 
 

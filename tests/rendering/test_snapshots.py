@@ -4,11 +4,11 @@ import sys
 
 import numpy as np
 import pytest
+from ideal import IDEAL
 from synthetic import END, TOUCHDOWN, recording
 
 from flipdiagram.rendering.sketch import draw_cell
 from flipdiagram.rendering.snapshots import Camera, render_in_child, snapshot_times, take_snapshots
-from flipdiagram.scenario.scenario import Scenario
 
 SIZE = 240
 FAR_AWAY = [1, 0, 0, 0, 0.5, 0, -50]
@@ -27,7 +27,7 @@ def pictures(camera):
     q = recording()["q"].values[0]
     level = [[1, 0, 0, 0, *place] for place in PLACES]
     blocks = np.array([FAR_AWAY, *level, [*TURNED, *PLACES[-1]], FAR_AWAY], dtype=float)
-    images, reason = render_in_child(Scenario(), camera, np.tile(q, (len(blocks), 1)), blocks)
+    images, reason = render_in_child(IDEAL, camera, np.tile(q, (len(blocks), 1)), blocks)
     if images is None:
         (pytest.fail if os.environ.get("CI") else pytest.skip)(f"no renderings here: {reason}")
     return images.astype(int)
@@ -87,7 +87,7 @@ def test_snapshots_are_taken_from_start_to_rest():
     ],
 )
 def test_where_nothing_renders_the_motion_is_drawn_and_the_reason_given(python, reason):
-    taken = take_snapshots(recording(), Scenario(), times=[0.0, END], size=SIZE, python=python)
+    taken = take_snapshots(recording(), IDEAL, times=[0.0, END], size=SIZE, python=python)
     assert taken.note is not None and "drawn, not rendered" in taken.note and "apt install" in taken.note
     assert re.search(reason, taken.note)
     assert taken.images.shape == (2, SIZE, SIZE, 3) and taken.images.dtype == np.uint8
@@ -98,7 +98,7 @@ def test_the_drawing_shows_the_block_at_its_place(camera):
     data = recording()
     q, tool = data["q"].values[:1], data["tool_pose"].values[:1].copy()
     tool[:, 6] = -50  # the blade would hide a part of the block
-    images = draw_cell(Scenario(), camera.project, SIZE, q, tool, np.array([[*TURNED, 0.5, 0.15, 0.4]]))
+    images = draw_cell(IDEAL, camera.project, SIZE, q, tool, np.array([[*TURNED, 0.5, 0.15, 0.4]]))
     rubber = np.argwhere(np.abs(images[0].astype(int) - [0xDE, 0x5C, 0x38]).max(axis=-1) < 8)[:, ::-1]
     assert len(rubber) > 100
     np.testing.assert_allclose(rubber.mean(axis=0), camera.project([0.5, 0.15, 0.4]), atol=4.0)

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from ideal import IDEAL
 from robots import PANDA, UR5, package_file
-from shared import default_plan
+from shared import ideal_plan
 
 from flipdiagram.blocks.inverse_jacobian import joint_acceleration
 from flipdiagram.diagrams.loop import build_loop
@@ -146,7 +147,7 @@ def test_given_rotor_inertia_stands_on_the_diagonal_of_the_mass_matrix(tmp_path)
 @pytest.mark.parametrize(("fields", "joints"), [(UR5, 6), (PANDA, 7)], ids=["UR5", "Panda"])
 def test_an_arm_of_a_package_turns_the_block_over(fields, joints):
     named = fields | {"arm.file": package_file(fields["arm.file"])}
-    scenario = Scenario().with_overrides(named | {"simulation.hold_time": 1.0})
+    scenario = IDEAL.with_overrides(named | {"simulation.hold_time": 1.0})
     plan = plan_motion(scenario)
     assert max(plan.limit_use.values()) <= 1
     flip = simulate(scenario, "pd+ff+dob", plan)
@@ -172,7 +173,7 @@ def test_an_arm_out_of_reach_is_said_to_be_so(tmp_path):
     (tmp_path / "arm.urdf").write_text(urdf(), encoding="utf-8")
     fields = {"arm.file": str(tmp_path / "arm.urdf"), "arm.flange": "tcp", "arm.base_pose": (0.0, 3.0, 0.0, 0.0)}
     with pytest.raises(PlanningError, match="cannot reach the pose"):
-        plan_motion(Scenario().with_overrides(fields))
+        plan_motion(IDEAL.with_overrides(fields))
 
 
 REFUSED = {
@@ -192,7 +193,7 @@ REFUSED = {
 def test_an_arm_that_will_not_do_is_refused_with_the_reason(tmp_path, fields, message):
     (tmp_path / "arm.urdf").write_text(urdf(), encoding="utf-8")
     named = {"file": str(tmp_path / "arm.urdf"), "flange": "tcp"} | fields
-    scenario = Scenario().with_overrides({f"arm.{name}": value for name, value in named.items()})
+    scenario = IDEAL.with_overrides({f"arm.{name}": value for name, value in named.items()})
     with pytest.raises(InputError) as refused:
         build_loop(scenario)
     assert message in str(refused.value) and "\n" not in str(refused.value)
@@ -200,14 +201,14 @@ def test_an_arm_that_will_not_do_is_refused_with_the_reason(tmp_path, fields, me
 
 def test_fields_of_another_arm_need_one():
     with pytest.raises(InputError, match=r"'arm.home' = .* valid is the default unless arm.file names another arm"):
-        Scenario().with_overrides({"arm.home": (0.0,) * 6})
+        IDEAL.with_overrides({"arm.home": (0.0,) * 6})
 
 
 def test_a_sdf_cannot_scale_its_links(tmp_path):
     (tmp_path / "arm.sdf").write_text(sdf(), encoding="utf-8")
     fields = {"arm.file": str(tmp_path / "arm.sdf"), "arm.flange": "tcp", "arm.link_inertia_scale": 1.3}
     with pytest.raises(InputError, match="arm.link_inertia_scale needs a URDF"):
-        build_loop(Scenario().with_overrides(fields))
+        build_loop(IDEAL.with_overrides(fields))
 
 
 def test_our_tool_and_block_as_files_give_the_same_run(tmp_path):
@@ -216,7 +217,7 @@ def test_our_tool_and_block_as_files_give_the_same_run(tmp_path):
     (tmp_path / "block.sdf").write_text(block_sdf(default))
     (tmp_path / "spatula.urdf").write_text(spatula_urdf(default))
     (tmp_path / "mine.yaml").write_text("tool: {file: spatula.urdf}\nobject: {file: block.sdf}\n")
-    plan = default_plan()
+    plan = ideal_plan()
     ours = simulate(default.with_overrides(short), "pd", plan).recording
     own = simulate(load(tmp_path / "mine.yaml").with_overrides(short), "pd", plan).recording
     for name in ("x", "tau", "block_pose"):
@@ -224,6 +225,6 @@ def test_our_tool_and_block_as_files_give_the_same_run(tmp_path):
 
 
 def test_an_object_that_weighs_something_else_is_refused(tmp_path):
-    (tmp_path / "block.sdf").write_text(block_sdf(Scenario().with_overrides({"object.mass": 0.2})))
+    (tmp_path / "block.sdf").write_text(block_sdf(IDEAL.with_overrides({"object.mass": 0.2})))
     with pytest.raises(InputError, match=r"weighs 0.2 kg; valid is object.mass = 0.061 kg"):
-        build_loop(Scenario().with_overrides({"object.file": str(tmp_path / "block.sdf")}))
+        build_loop(IDEAL.with_overrides({"object.file": str(tmp_path / "block.sdf")}))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ideal import IDEAL
 from pydrake.geometry import Role
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
@@ -14,11 +15,10 @@ from pydrake.systems.framework import DiagramBuilder
 from flipdiagram.errors import InputError
 from flipdiagram.robot import model_files
 from flipdiagram.robot.own_files import joint_numbers
-from flipdiagram.scenario.scenario import Scenario
 
 FILES = ("mh3f.urdf", "spatula.urdf", "block.sdf", "table.sdf")
 DRAKE = "{http://drake.mit.edu}"
-DEFAULT = Scenario()
+DEFAULT = IDEAL
 """Its numbers are those of the files."""
 
 

@@ -103,11 +103,11 @@ BAD = {
         "a multiple of controller.period = 0.001",
     ),
     "endless torque delay": ("drive: {delay: 1e300}", "'drive.delay' = 1e+300", "at most 1000 of them"),
-    "no encoder bits": ("sensors: {encoder_bits: 0}", "'sensors.encoder_bits' = 0", "a whole number of at least 1"),
+    "no encoder bits": ("sensors: {encoder_bits: -1}", "'sensors.encoder_bits' = -1", "a whole number of at least 0"),
     "two encoders": (
         "sensors: {encoder_bits: 13, encoder_resolution: 1e-5}",
         "'sensors.encoder_bits' = 13",
-        "null where",
+        "null or 0 where",
     ),
     "ratios of the MH3F": (
         "arm: {gear_ratios: [1, 1, 1, 1, 1, 1]}",
@@ -287,3 +287,11 @@ def test_the_reader_refuses_with_the_line(text, message):
 def test_an_alias_of_what_holds_it_is_read_not_walked_for_ever():
     data, lines = read_mapping("a: &a\n  b: *a", "campaign")
     assert data["a"]["b"] is data["a"] and lines == {("a",): 1, ("a", "b"): 2}
+
+
+def test_the_encoder_of_the_mh3fs_motors_is_not_guessed_of_another_arm():
+    ours, another = Scenario(), from_mapping({"arm": {"file": "mine.urdf"}})
+    assert (ours.encoder_bits, another.encoder_bits) == (13, 0)
+    assert another.with_overrides({"sensors.encoder_bits": 16}).encoder_bits == 16
+    assert ours.with_overrides({"sensors.encoder_bits": 0}).encoder_bits == 0
+    assert ours.with_overrides({"sensors.encoder_resolution": 1e-5}).encoder_bits == 0

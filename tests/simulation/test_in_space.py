@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from ideal import IDEAL
 
 from flipdiagram.planning import plan_motion
 from flipdiagram.robot.parts import arm_of, base_in_plane
-from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.metrics import measure
 from flipdiagram.simulation.simulate import simulate
 
@@ -20,12 +20,12 @@ def to_world(scenario, point):
 
 
 def test_without_yaw_nothing_is_moved():
-    assert base_in_plane(Scenario()) == (0.0, 0.0, 0.0, 0.0)
+    assert base_in_plane(IDEAL) == (0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("yaw", [-0.5, 0.3, 1.2])
 def test_the_base_in_the_frame_of_the_motion_is_the_origin_of_the_world(yaw):
-    scenario = Scenario().with_overrides({"task.yaw": yaw, "task.start_y": 0.05})
+    scenario = IDEAL.with_overrides({"task.yaw": yaw, "task.start_y": 0.05})
     x, y, z, turned = base_in_plane(scenario)
     np.testing.assert_allclose(to_world(scenario, [x, y]), 0, atol=1e-12)
     assert (z, turned) == (0.0, -yaw)
@@ -33,8 +33,8 @@ def test_the_base_in_the_frame_of_the_motion_is_the_origin_of_the_world(yaw):
 
 def test_the_arm_reaches_the_same_places_with_a_turned_blade():
     """Joint angles for a pose in the turned frame put the unturned arm at that place, its blade turned by yaw."""
-    scenario = Scenario().with_overrides({"task.yaw": 0.4})
-    turned, plain = arm_of(scenario), arm_of(Scenario())
+    scenario = IDEAL.with_overrides({"task.yaw": 0.4})
+    turned, plain = arm_of(scenario), arm_of(IDEAL)
     q = turned.inverse_kinematics([0.05, 0.3, 0.7, 0.45, 0.0, 0.0])
     y, z, theta, x, pitch, yaw = plain.task_position(q)
     np.testing.assert_allclose([x, y], to_world(scenario, [0.45, 0.05]), atol=1e-9)
@@ -46,7 +46,7 @@ def test_the_arm_reaches_the_same_places_with_a_turned_blade():
     [((0.5, 0.0), (0.5, 0.0)), ((0.5, 0.1), (0.4, 0.0)), ((0.45, -0.05), (0.5, 0.05)), ((0.5, 0.0), (0.42, 0.0))],
 )
 def test_between_puts_start_and_target_into_the_plane(start, target):
-    scenario = Scenario().between(start, target)
+    scenario = IDEAL.between(start, target)
     assert (scenario.task.start_x, scenario.task.start_y) == start
     reached = to_world(scenario, [scenario.task.start_x, scenario.task.target_y])
     np.testing.assert_allclose(reached, target, atol=1e-12)
@@ -54,7 +54,7 @@ def test_between_puts_start_and_target_into_the_plane(start, target):
 
 
 def test_a_flip_towards_another_x_lands_there():
-    scenario = Scenario().between((0.5, 0.08), (0.46, 0.0))
+    scenario = IDEAL.between((0.5, 0.08), (0.46, 0.0))
     scenario = scenario.with_overrides({"simulation.hold_time": 1.0})
     plan = plan_motion(scenario)
     flip = simulate(scenario, "pd+ff+dob", plan)

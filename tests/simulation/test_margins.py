@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 import xarray as xr
+from ideal import IDEAL
 from pydrake.multibody.plant import MultibodyPlant
 
 from flipdiagram.planning import plan_motion
 from flipdiagram.robot.parts import add_parts
-from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation import verdict
 from flipdiagram.simulation.margins import with_margins
 from flipdiagram.simulation.recording import in_tool
 from flipdiagram.simulation.simulate import simulate
 
 G = 9.81
-SCENARIO = Scenario()
+SCENARIO = IDEAL
 MASS, HALF, MU = SCENARIO.object.mass, SCENARIO.object.thickness / 2, SCENARIO.object.friction
 PERIOD = 1e-3
 

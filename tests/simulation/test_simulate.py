@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from shared import default_flip, default_plan
+from ideal import IDEAL
+from shared import ideal_flip, ideal_plan
 
 from flipdiagram.errors import SimulationError
 from flipdiagram.robot.parts import arm_of
-from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation import events, metrics, verdict
 from flipdiagram.simulation.recording import roll
 from flipdiagram.simulation.simulate import simulate
@@ -15,12 +15,12 @@ from flipdiagram.theory import contact
 
 @pytest.fixture(scope="module")
 def plan():
-    return default_plan()
+    return ideal_plan()
 
 
 @pytest.fixture(scope="module")
 def flip():
-    return default_flip()
+    return ideal_flip()
 
 
 def test_the_proposed_controller_turns_the_block_over(flip):
@@ -41,14 +41,14 @@ def test_the_block_neither_slips_nor_touches_the_blade_again(flip):
 
 
 def test_every_joint_stays_inside_its_limits(flip):
-    arm, data = arm_of(Scenario()), flip.recording
+    arm, data = arm_of(IDEAL), flip.recording
     assert (data["q"].values > arm.q_min).all() and (data["q"].values < arm.q_max).all()
     assert (np.abs(data["qd"].values) < arm.qd_max).all()
     assert (np.abs(data["tau"].values) <= arm.tau_max).all()
 
 
 def test_the_hold_ends_settled_with_the_observer_carrying_gravity(flip):
-    scenario, data = Scenario(), flip.recording
+    scenario, data = IDEAL, flip.recording
     k = int(np.searchsorted(data["time"].values, 0.0))
     assert np.abs(data["x"].values[k] - data["x_cmd"].values[k]).max() < 1e-3
     assert np.abs(data["v"].values[k]).max() < 1e-3
@@ -64,7 +64,7 @@ def test_the_hold_ends_settled_with_the_observer_carrying_gravity(flip):
 
 
 def test_kinematic_signals_agree_with_each_other(flip):
-    data, arm = flip.recording, arm_of(Scenario())
+    data, arm = flip.recording, arm_of(IDEAL)
     for k in range(0, data.sizes["time"], 500):
         x, v = arm.task_position_velocity(data["q"].values[k], data["qd"].values[k])
         np.testing.assert_allclose(data["x"].values[k], x[:3], atol=1e-13)
@@ -106,13 +106,13 @@ def test_signals_have_the_contracts_dimensions_and_units(flip):
 
 
 def test_the_same_run_gives_the_same_bits(flip, plan):
-    again = simulate(Scenario(), "pd+ff+dob", plan)
+    again = simulate(IDEAL, "pd+ff+dob", plan)
     assert again.recording.identical(flip.recording)
     assert again.recording.to_netcdf(engine="scipy") == flip.recording.to_netcdf(engine="scipy")
 
 
 def test_the_mpc_plans_when_the_run_starts(plan):
-    brief = Scenario().with_overrides({"simulation.hold_time": 0.01, "simulation.settle_time": 0.0})
+    brief = IDEAL.with_overrides({"simulation.hold_time": 0.01, "simulation.settle_time": 0.0})
     flip = simulate(brief, "pd+ff+dob")
     np.testing.assert_array_equal(flip.plan.states, plan.states)
     np.testing.assert_allclose(flip.recording["x_cmd"].values[-1], plan.states[-1, :3], atol=1e-9)
@@ -120,7 +120,7 @@ def test_the_mpc_plans_when_the_run_starts(plan):
 
 def test_a_finer_plant_step_adds_no_delay_to_the_loop(plan):
     """With half and quarter the step the motion converges: what remains is the stepper's order, not a lost sample."""
-    brief = Scenario().with_overrides({"simulation.hold_time": 0.2, "simulation.settle_time": 0.0})
+    brief = IDEAL.with_overrides({"simulation.hold_time": 0.2, "simulation.settle_time": 0.0})
     steps = (0.001, 0.0005, 0.00025)
     runs = [simulate(brief.with_overrides({"simulation.step": step}), "pd+ff+dob", plan) for step in steps]
     coarse, half, quarter = (run.recording.sel(time=slice(0.1, 0.4))["x"].values for run in runs)
@@ -133,13 +133,13 @@ def test_a_finer_plant_step_adds_no_delay_to_the_loop(plan):
 
 def test_progress_runs_to_one(plan):
     seen = []
-    brief = Scenario().with_overrides({"simulation.hold_time": 0.0, "simulation.settle_time": 0.0})
+    brief = IDEAL.with_overrides({"simulation.hold_time": 0.0, "simulation.settle_time": 0.0})
     simulate(brief, "pd", plan, progress=seen.append)
     assert seen == sorted(seen) and seen[-1] == 1.0
 
 
 def test_a_diverging_loop_ends_with_one_line(plan):
-    scenario = Scenario().with_overrides({"controller.k_v": 1e9, "arm.torque_scale": 1e12, "simulation.hold_time": 0.5})
+    scenario = IDEAL.with_overrides({"controller.k_v": 1e9, "arm.torque_scale": 1e12, "simulation.hold_time": 0.5})
     with pytest.raises(SimulationError, match="diverged before") as caught:
         simulate(scenario, "pd", plan)
     assert "\n" not in str(caught.value)
@@ -147,7 +147,7 @@ def test_a_diverging_loop_ends_with_one_line(plan):
 
 def test_a_motion_that_takes_longer_when_planned_again_is_simulated_to_its_end():
     """Other horizons are allowed, and from 2 cm off a longer contact phase costs less."""
-    longer = Scenario().with_overrides(
+    longer = IDEAL.with_overrides(
         {
             "planner.replan_period": 0.04,
             "planner.replan_search": 2,
@@ -173,7 +173,7 @@ def test_an_arm_that_does_not_follow_cannot_put_off_the_release_for_ever():
         "simulation.hold_time": 0.3,
         "simulation.settle_time": 0.05,
     }
-    scenario = Scenario().with_overrides(fields)
+    scenario = IDEAL.with_overrides(fields)
     data = simulate(scenario, "pd").recording
     longest = scenario.planner.contact_samples[1] * scenario.planner.sampling_time
     assert data.attrs["release_time_s"] <= longest + scenario.planner.sampling_time

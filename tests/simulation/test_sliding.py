@@ -4,18 +4,15 @@ Where friction is less than the planner believes, the block slides by some milli
 sticks, has another border between keeping and losing it.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from ideal import IDEAL
 
 from flipdiagram.planning import plan_motion
-from flipdiagram.scenario.scenario import load
 from flipdiagram.simulation.recording import in_tool
 from flipdiagram.simulation.simulate import simulate
 
 G = 9.81
-IDEAL = load(Path(__file__).parents[2] / "examples" / "ideal_servo.yaml")
 TURNED = 1.2  # [rad]: until then the face lies on the blade
 
 

@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from ideal import IDEAL
 from matplotlib.figure import Figure
 
 from flipdiagram.cli import main as cli
@@ -13,7 +14,7 @@ from flipdiagram.errors import InputError
 from flipdiagram.flips.outcome import Outcome
 from flipdiagram.planning import plan_motion
 from flipdiagram.plants.joint_friction import joint_friction
-from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
+from flipdiagram.scenario.scenario import ARCHITECTURES
 from flipdiagram.scenario.yaml_reader import parse_value
 from flipdiagram.simulation import metrics
 from flipdiagram.simulation.metrics import FlipMetrics
@@ -26,7 +27,7 @@ from flipdiagram.studies.borders.tables import border_grid, variation_grid
 from flipdiagram.studies.borders.variations import variations_of
 
 NAMES = ["disturbance", "payload", "clearance", "gains", "cone", "inertia", "sensing"]
-OTHER = Scenario().with_overrides(
+OTHER = IDEAL.with_overrides(
     {
         "controller.k_p": 100.0,
         "controller.k_v": 15.0,
@@ -68,7 +69,7 @@ DIVERGED = Outcome(None, "diverged: not finite")
 
 
 @pytest.mark.parametrize("resolution", [2, 3, None])
-@pytest.mark.parametrize("scenario", [Scenario(), OTHER], ids=["default", "other"])
+@pytest.mark.parametrize("scenario", [IDEAL, OTHER], ids=["default", "other"])
 def test_every_cell_of_every_map_is_a_valid_scenario_of_its_own(resolution, scenario):
     maps = maps_of(scenario, resolution)
     assert list(maps) == NAMES
@@ -90,14 +91,14 @@ def test_every_cell_of_every_map_is_a_valid_scenario_of_its_own(resolution, scen
 def test_no_cell_has_a_friction_that_would_chatter():
     from flipdiagram.robot.parts import arm_of
 
-    arm = arm_of(Scenario())
+    arm = arm_of(IDEAL)
     for resolution in (None, 9):
-        for fields in maps_of(Scenario(), resolution)["disturbance"].y.overrides:
-            joint_friction(Scenario().with_overrides(fields), arm)  # raises where it would
+        for fields in maps_of(IDEAL, resolution)["disturbance"].y.overrides:
+            joint_friction(IDEAL.with_overrides(fields), arm)  # raises where it would
 
 
 def test_values_stand_for_what_they_set():
-    maps = maps_of(Scenario())
+    maps = maps_of(IDEAL)
     assert [fields["controller.gravity_compensation"] for fields in maps["disturbance"].x.overrides] == pytest.approx(
         [1 - value for value in maps["disturbance"].x.values]
     )
@@ -119,7 +120,7 @@ def test_the_nominal_inertia_is_that_of_the_label_whatever_the_scenario_has():
 
 
 def test_a_finer_map_has_as_many_points_as_asked_for():
-    for drawn in maps_of(Scenario(), 8).values():
+    for drawn in maps_of(IDEAL, 8).values():
         assert len(drawn.x.values) - (drawn.x.values[-1] in ("lab", "exact")) == 8
         assert len(drawn.y.values) == 8
         for axis in (drawn.x, drawn.y):
@@ -130,7 +131,7 @@ def test_a_finer_map_has_as_many_points_as_asked_for():
 def test_what_does_not_exist_is_refused_before_anything_is_written(tmp_path):
     for settings in ({"resolution": 1}, {"maps": ["disturbance", "nonsense"]}):
         with pytest.raises(InputError, match="resolution = 1|unknown map 'nonsense'; choose from disturbance"):
-            borders.run(Scenario(), tmp_path / "out", **settings)
+            borders.run(IDEAL, tmp_path / "out", **settings)
     assert not (tmp_path / "out").exists()
 
 
@@ -151,7 +152,7 @@ def test_the_border_is_drawn_between_cells_that_differ_and_nowhere_else(seed):
 
 
 def summary_of(cells, variations=(), varied=None):
-    a_map = maps_of(Scenario(), 2)["clearance"]
+    a_map = maps_of(IDEAL, 2)["clearance"]
     varied = varied or {name: [] for name in ARCHITECTURES}
     maps = [map_summary(a_map, {name: cells for name in ARCHITECTURES})]
     return {"maps": maps, "variations": variation_summary(list(variations), varied)}
@@ -192,9 +193,9 @@ def test_a_map_where_nothing_works_can_be_drawn():
 
 
 def test_variations_change_one_thing_each_and_are_all_valid():
-    found = list(variations_of(Scenario()))
+    found = list(variations_of(IDEAL))
     assert found[0].overrides == {} and found[0].group == "scenario"
-    keys = [json.dumps(Scenario().with_overrides(v.overrides).model_dump(mode="json")) for v in found]
+    keys = [json.dumps(IDEAL.with_overrides(v.overrides).model_dump(mode="json")) for v in found]
     assert len(set(keys)) == len(keys) == len({(v.group, v.name) for v in found})
     names = {v.name for v in found}
     assert {
@@ -210,13 +211,13 @@ def test_variations_change_one_thing_each_and_are_all_valid():
 
 
 def test_drakes_contact_is_not_varied_where_mujoco_flies():
-    groups = {v.group for v in variations_of(Scenario().with_overrides({"simulation.engine": "mujoco"}))}
+    groups = {v.group for v in variations_of(IDEAL.with_overrides({"simulation.engine": "mujoco"}))}
     assert groups == {"scenario", "step", "inertia"}
 
 
 @pytest.mark.parametrize("field", ["link_inertia_scale", "reflected_inertia_scale"])
 def test_inertias_are_varied_around_the_scenarios_own(field):
-    scenario = Scenario().with_overrides({f"arm.{field}": 2.0, f"arm.{field}s": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)})
+    scenario = IDEAL.with_overrides({f"arm.{field}": 2.0, f"arm.{field}s": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)})
     mine = [v for v in variations_of(scenario) if any(path.startswith(f"arm.{field}") for path in v.overrides)]
     assert mine[0].overrides == {f"arm.{field}": pytest.approx(1.4)}
     assert mine[3].overrides == {f"arm.{field}s": pytest.approx((1.0, 2.0, 2.1, 4.0, 5.0, 6.0))}
@@ -224,7 +225,7 @@ def test_inertias_are_varied_around_the_scenarios_own(field):
 
 
 def test_a_verdict_that_differs_from_the_scenarios_own_is_fragile():
-    variations = list(variations_of(Scenario()))[:3]
+    variations = list(variations_of(IDEAL))[:3]
     varied = {
         "pd": [DROPPED, DROPPED, WON],
         "pd+ff": [DROPPED, NO_PLAN, DIVERGED],  # lost in another way is lost all the same
@@ -276,7 +277,7 @@ def test_a_cell_flown_alone_by_its_overrides_gives_the_same_bits(flown):
     words = [word for path, value in fields.items() for word in (f"--{path}", json.dumps(value))]
     rest, texts = split_overrides([*SHORT, *words])
     assert not rest
-    scenario = Scenario().with_overrides({path: parse_value(text, path) for path, text in texts.items()})
+    scenario = IDEAL.with_overrides({path: parse_value(text, path) for path, text in texts.items()})
     found = metrics.measure(simulate(scenario, name, plan_motion(scenario)).recording)
     shown = drawn["architectures"][name]
     assert shown["success"][j][i] == found.success

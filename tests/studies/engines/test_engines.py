@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 from campaign.made_up import BY_ENGINE, QUIET
+from ideal import IDEAL
 
 from flipdiagram.campaign.checks import from_text
 from flipdiagram.cli import main as cli
 from flipdiagram.errors import InputError
 from flipdiagram.results import info, open_result
-from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.studies.engines import run as engines
 from flipdiagram.studies.engines.figures import write_figures
 from flipdiagram.studies.engines.tables import tables
@@ -20,7 +20,7 @@ from flipdiagram.studies.engines.tables import tables
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("engines")
     (folder / "worlds.yaml").write_text(QUIET, encoding="utf-8")
-    engines.run(Scenario(), folder, file=str(folder / "worlds.yaml"), jobs=2, work=BY_ENGINE)
+    engines.run(IDEAL, folder, file=str(folder / "worlds.yaml"), jobs=2, work=BY_ENGINE)
     return folder
 
 
@@ -87,7 +87,7 @@ def test_tables_figure_and_readers_show_it(folder, summary):
 def test_another_call_flies_nothing_again(folder, summary):
     before = {path: path.stat().st_mtime_ns for path in folder.rglob("campaign.sqlite")}
     said = []
-    engines.run(Scenario(), folder, file=str(folder / "worlds.yaml"), jobs=1, work=BY_ENGINE, progress=said.append)
+    engines.run(IDEAL, folder, file=str(folder / "worlds.yaml"), jobs=1, work=BY_ENGINE, progress=said.append)
     assert len(before) == 2 and any("drake: 60 flips, 0 of them to be flown" in text for text in said)
     assert json.loads((folder / "summary.json").read_text(encoding="utf-8"))["differ"] == summary["differ"]
 
@@ -95,7 +95,7 @@ def test_another_call_flies_nothing_again(folder, summary):
 def test_without_mujoco_one_line_says_what_to_install(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(engines, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"needs MuJoCo: pip install 'flipdiagram\[mujoco\]'"):
-        engines.run(Scenario(), tmp_path / "out", file="any.yaml")
+        engines.run(IDEAL, tmp_path / "out", file="any.yaml")
     assert not (tmp_path / "out").exists()
     assert cli.main(["engines", str(tmp_path / "none.yaml"), "--out", str(tmp_path / "out")]) == 2
     assert "MuJoCo" in capsys.readouterr().err

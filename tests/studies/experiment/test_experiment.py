@@ -4,11 +4,12 @@ import json
 from dataclasses import fields, replace
 
 import pytest
+from ideal import IDEAL
 
 from flipdiagram.errors import InputError
 from flipdiagram.files import write_summary
 from flipdiagram.flips.outcome import Outcome
-from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
+from flipdiagram.scenario.scenario import ARCHITECTURES
 from flipdiagram.simulation.events import Touchdown
 from flipdiagram.simulation.metrics import FlipMetrics
 from flipdiagram.studies.experiment import figures as experiment_figures
@@ -212,7 +213,7 @@ def stored(found, tmp_path, second=None):
     """The summary as a reader gets it, through the file."""
     parts = {"starts_y_m": STARTS, "architectures": ARCHITECTURES, "runs": found, "claims": claims_of(found)}
     body = {"quick": False, **parts, "second_engine": second}
-    path = write_summary(tmp_path / "summary.json", "experiment", Scenario(), body)
+    path = write_summary(tmp_path / "summary.json", "experiment", IDEAL, body)
     return json.loads(path.read_text())
 
 
@@ -264,7 +265,7 @@ def test_different_starts_have_different_files():
 @pytest.mark.parametrize("starts", [[], [0.0, 0.02, 0.0], [float("nan")], [7.0]])
 def test_bad_starts_are_refused_before_anything_is_written(starts, tmp_path):
     with pytest.raises(InputError):
-        experiment.run(Scenario(), tmp_path / "out", starts=starts)
+        experiment.run(IDEAL, tmp_path / "out", starts=starts)
     assert not (tmp_path / "out").exists()
 
 
@@ -311,7 +312,7 @@ def test_every_flip_is_flown_in_mujoco_too_and_one_that_breaks_down_leaves_drake
         ]
 
     monkeypatch.setattr(experiment, "run_flips", flown)
-    experiment.run(Scenario(), tmp_path, starts=[0.0], architectures=["pd", "pd+dob"])
+    experiment.run(IDEAL, tmp_path, starts=[0.0], architectures=["pd", "pd+dob"])
     assert [(engine, name) for engine, name, _ in asked] == [
         ("drake", "pd"),
         ("drake", "pd+dob"),
@@ -325,6 +326,6 @@ def test_every_flip_is_flown_in_mujoco_too_and_one_that_breaks_down_leaves_drake
     assert same["agree"] is True and same["start_y_m"] == 0.0
     # in MuJoCo there is nothing to compare with
     experiment.run(
-        Scenario().with_overrides({"simulation.engine": "mujoco"}), tmp_path / "m", starts=[0.0], architectures=["pd"]
+        IDEAL.with_overrides({"simulation.engine": "mujoco"}), tmp_path / "m", starts=[0.0], architectures=["pd"]
     )
     assert json.loads((tmp_path / "m" / "summary.json").read_text())["second_engine"] is None

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 import synthetic
+from ideal import IDEAL
 
 from flipdiagram.cli import main as cli
 from flipdiagram.planning.placing import Placer
 from flipdiagram.robot.parts import arm_of
-from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.recording_files import load_recording
 from flipdiagram.studies.place import run as place
 from flipdiagram.theory.contact import ContactState
@@ -55,7 +55,7 @@ def test_pictures_and_replay_are_written(out):
 
 @pytest.fixture(scope="module")
 def plan():
-    scenario = Scenario()
+    scenario = IDEAL
     return Placer(scenario, arm_of(scenario)).plan()
 
 
