@@ -87,7 +87,7 @@ class JointFriction(Section):
 
     model: Literal["tanh", "elasto-plastic"] = Field(
         "tanh",
-        description="tanh: a regularised sign, which creeps under load (c: 60 %); elasto-plastic: it"
+        description="tanh: a regularised sign, which creeps under load (c: 58 %); elasto-plastic: it"
         " sticks, and breaks away above the sliding friction",
     )
     coulomb: float = quantity(

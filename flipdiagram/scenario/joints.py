@@ -21,7 +21,7 @@ class Joints(Section):
 
     model: Literal["rigid", "elastic"] = Field(
         "rigid",
-        description="rigid: as one (c: 94 %); elastic: the gear between them gives way; encoders see the rotor's angle",
+        description="rigid: as one (c: 68 %); elastic: the gear between them gives way; encoders see the rotor's angle",
     )
     stiffness: tuple[float, ...] | None = quantity(
         None, "N m/rad", "of each gear at the joint; null: the file's, of harmonic drives of that torque (L)"
@@ -99,7 +99,7 @@ class Sensors(Section):
     camera_delay: float = quantity(0.02, "s", "age of what it reports", ge=0)
     camera_noise: float = quantity(0.0005, "m", "standard deviation of what it reports", ge=0)
     camera_seed: int = quantity(0, "1", "seed of that noise", ge=0)
-    delay: int = quantity(2, "periods", "delay of q and qd, in periods of the controller (c: 0 to 3)", ge=0, le=1000)
+    delay: int = quantity(1, "periods", "delay of q and qd, in periods of the controller (c: 0 to 3)", ge=0, le=1000)
     position_noise: float = quantity(
         0.0, "rad", "standard deviation of the noise of the joint angles, drawn anew each period; 0: none", ge=0
     )

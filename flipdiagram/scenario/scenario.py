@@ -53,7 +53,7 @@ class Controller(Section):
     gravity_compensation: float = quantity(
         0.0,
         "1",
-        "fraction of the arm's gravity torque that is fed forward; 0 as in the paper: no such box (c: 1 in 74 %, where"
+        "fraction of the arm's gravity torque that is fed forward; 0 as in the paper: no such box (c: 1 in 51 %, where"
         " E2 does not hold)",
         ge=0,
     )

@@ -113,11 +113,12 @@ def _state(population: Population, share: float) -> dict[str, float]:
     return {"distance": float(population.distance.max(initial=0.0)), "size": population.size, "kept": share}
 
 
-def adjusted(population: Population, deviation: Floats) -> tuple[Floats, Floats]:
+def adjusted(population: Population, deviation: Floats, smooth: np.ndarray | None = None) -> tuple[Floats, Floats]:
     """Draws and weights after local linear regression: each moved to where the data are met exactly.
 
-    deviation (n, s): of the simulated numbers from the data.  logit(u) is regressed on it with Epanechnikov's weights
-    in the distance, so that no draw leaves the cube; with too few draws for that they stay as they are.
+    deviation (n, s): of the simulated numbers from the data.  smooth (d,): which unknowns are numbers, by default all;
+    a choice stays what was flown.  logit(u) is regressed on it with Epanechnikov's weights in the distance, so that no
+    draw leaves the cube; with too few draws for that they stay as they are.
     """
     u, weight = population.u, population.weight
     if len(u) < DRAWS_PER_NUMBER * (deviation.shape[1] + 1):
@@ -130,7 +131,8 @@ def adjusted(population: Population, deviation: Floats) -> tuple[Floats, Floats]
     design = np.column_stack([np.ones(len(u)), deviation])
     root = np.sqrt(weight)[:, None]
     slope = np.linalg.lstsq(design * root, theta * root, rcond=None)[0][1:]
-    return 1.0 / (1.0 + np.exp(-(theta - deviation @ slope))), weight
+    moved = 1.0 / (1.0 + np.exp(-(theta - deviation @ slope)))
+    return np.where(True if smooth is None else smooth, moved, u), weight
 
 
 def quantiles(values: Floats, weight: Floats, at: tuple[float, ...] = INTERVAL) -> Floats:
@@ -145,18 +147,22 @@ def quantiles(values: Floats, weight: Floats, at: tuple[float, ...] = INTERVAL) 
 
 
 def covered(
-    u: Floats, deviation_from: Callable[[int], tuple[Floats, Floats]], worlds: np.ndarray, count: int
+    u: Floats,
+    deviation_from: Callable[[int], tuple[Floats, Floats]],
+    worlds: np.ndarray,
+    count: int,
+    smooth: np.ndarray | None = None,
 ) -> Floats:
     """Whether the 90 % intervals hold the truth, (worlds, d): each world's own output is the data for all others.
 
-    deviation_from(k): distances (n,) and deviations (n, s) of all simulations from those of k.
+    deviation_from(k): distances (n,) and deviations (n, s) of all simulations from those of k; smooth: see `adjusted`.
     """
     found = np.zeros((len(worlds), u.shape[1]))
     for row, k in enumerate(worlds):
         distance, deviation = deviation_from(int(k))
         others = np.arange(len(u)) != k
         population = rejection(u[others], distance[others], count)
-        moved, weight = adjusted(population, deviation[others][population.index])
+        moved, weight = adjusted(population, deviation[others][population.index], smooth)
         low, _, high = quantiles(moved, weight)
         found[row] = (low <= u[k]) & (u[k] <= high)
     return found

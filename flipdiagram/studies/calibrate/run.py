@@ -164,12 +164,17 @@ def _unknowns(
 
 def _quantiles(worlds: Worlds, kept: Population) -> Floats:
     """5, 50 and 95 % of each unknown in the unit cube, after regression."""
-    return inference.quantiles(*inference.adjusted(kept, _deviations(worlds, PAPER)[kept.index]))
+    return inference.quantiles(*_moved(worlds, kept))
+
+
+def _moved(worlds: Worlds, kept: Population) -> tuple[Floats, Floats]:
+    """The draws after regression, and their weights."""
+    return inference.adjusted(kept, _deviations(worlds, PAPER)[kept.index], worlds.smooth)
 
 
 def _draws(worlds: Worlds, population: Population) -> Data:
     """The posterior's draws in the unit cube, moved by regression, with weights: for the corner plot."""
-    moved, weight = inference.adjusted(population, _deviations(worlds, PAPER)[population.index])
+    moved, weight = _moved(worlds, population)
     return {"u": moved.tolist(), "weight": weight.tolist(), "distance": population.distance.tolist()}
 
 
@@ -184,7 +189,7 @@ def _recovered(priors: Specification, settings: CalibrateSection, worlds: Worlds
         data = drawn[k]
         return np.array([distance(world, data) for world in drawn]), np.array([deviations(w, data) for w in drawn])
 
-    found = inference.covered(u, seen_from, chosen, number)
+    found = inference.covered(u, seen_from, chosen, number, worlds.smooth)
     names = [dimension.name for dimension in priors.dimensions]
     shares = found.mean(axis=0).tolist() if len(chosen) else [None] * len(names)
     return {

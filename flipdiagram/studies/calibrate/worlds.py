@@ -28,6 +28,8 @@ class Worlds:
         self._starts = tuple(starts)
         self.u = np.empty((0, len(priors.dimensions)))
         self.observations: list[Observation] = []
+        self.smooth = np.array([dimension.distribution.values is None for dimension in priors.dimensions])
+        """Which unknowns are numbers, not choices."""
 
     def fly(self, u: Floats) -> np.ndarray:
         """Fly the worlds at u (n, d); their numbers (n,)."""

@@ -120,3 +120,13 @@ def test_draws_too_few_for_the_regression_stay_as_they_are():
     moved, weight = adjusted(population, rng.standard_normal((12, 6)))
     np.testing.assert_array_equal(moved, population.u)
     np.testing.assert_array_equal(weight, population.weight)
+
+
+def test_a_choice_stays_what_was_flown():
+    rng = np.random.default_rng(4)
+    u = rng.random((300, 2))
+    seen = u.sum(axis=1, keepdims=True) + 0.01 * rng.standard_normal((300, 1))
+    population = rejection(u, np.abs(seen[:, 0] - 1.0), 60)
+    moved, _ = adjusted(population, seen[population.index] - 1.0, np.array([True, False]))
+    np.testing.assert_array_equal(moved[:, 1], population.u[:, 1])
+    assert np.abs(moved[:, 0] - population.u[:, 0]).max() > 0.01
