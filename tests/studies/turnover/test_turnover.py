@@ -14,6 +14,7 @@ from patience import HUNG, loaded
 
 from flipdiagram.grid import Grid
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
+from flipdiagram.simulation.metrics import VIBRATION_WINDOW
 from flipdiagram.simulation.recording_files import load_recording
 
 COMMAND = [sys.executable, "-m", "flipdiagram", "flip"]
@@ -46,7 +47,9 @@ def test_the_controllers_with_an_observer_succeed_and_those_without_drop_the_blo
 def test_the_observer_and_the_feedforward_do_what_they_are_for(summary):
     runs = {run["architecture"]: run for run in summary["runs"]}
     assert runs["pd+dob"]["position_rmse_m"] < runs["pd"]["position_rmse_m"] / 3
-    assert runs["pd+ff+dob"]["acceleration_rmse_m_s2"] < runs["pd+dob"]["acceleration_rmse_m_s2"]
+    # as the paper measures it: what is true of the tool holds the filter's delay too
+    measured = {name: run["acceleration_rmse_meas_m_s2"] for name, run in runs.items()}
+    assert measured["pd+ff+dob"] < measured["pd+dob"]
 
 
 def test_the_summary_keeps_its_contract(summary):
@@ -98,7 +101,7 @@ def test_recordings_are_the_runs(out, summary):
         data = load_recording(out / run["recording"])
         assert data.attrs["architecture"] == run["architecture"]
         assert data.attrs["success"] == run["success"]
-        moving = data["tau"].sel(time=slice(0, data.attrs["end_time_s"])).values
+        moving = data["tau"].sel(time=slice(0, data.attrs["end_time_s"] + VIBRATION_WINDOW)).values  # stop included
         np.testing.assert_array_equal(np.abs(moving).max(axis=0), run["max_torque_Nm"])
 
 
