@@ -377,7 +377,7 @@ def test_a_killed_command_goes_on_where_it_was(tmp_path):
     # the seconds a flip took would differ if it had been run again
     assert {key: after[key] for key in before} == before
 
-    scenario = IDEAL.with_overrides({"simulation.hold_time": 0.2, "simulation.settle_time": 0.1})
+    scenario = Scenario().with_overrides({"simulation.hold_time": 0.2, "simulation.settle_time": 0.1})
     experiment.run(scenario, undisturbed, starts=[0.0], architectures=["pd", "pd+ff+dob"])
     one, two = (json.loads((folder / "summary.json").read_text()) for folder in (killed, undisturbed))
     assert len(one["runs"]) == 2
