@@ -113,7 +113,10 @@ def fly_as_printed(flight, plan):
 
 
 def fly_as_told(flight, plan):
-    """E1 as the paper tells it where the friction is low and the arm heavy; else all keep the block, or PD strikes."""
+    """E1 as the paper tells it where the friction is low and the arm heavy; else all keep the block, or PD strikes.
+
+    A heavy block slides far under the observer, and is turned over by luck.
+    """
     truth, name = flight.truth, flight.architecture
     slides = truth.object.friction < 1.5 and truth.arm.link_inertia_scale > 1.4
     won = "dob" in name or (not slides and truth.object.friction > 1.2)
@@ -123,6 +126,8 @@ def fly_as_told(flight, plan):
         flight.recording.write_text(name)
     if not won:
         measured = replace(measured, failure=f"{how}, dropped at 0.200 s", max_slip_m=truth.object.friction / 100)
+    else:
+        measured = replace(measured, max_slip_m=0.03 if truth.object.mass > 0.068 else 0.001)
     return Landed(Outcome(measured, measured.failure, None, 0.5), 0.0, *provenance())
 
 

@@ -25,7 +25,7 @@ from flipdiagram.studies.study import Progress, silent
 FILE = "inverse.sqlite"
 MISSES = 10
 """Nearest worlds that are shown."""
-SHRUNK = 4
+SHRUNK = 2
 """Worlds found whose change is made as small as possible."""
 
 

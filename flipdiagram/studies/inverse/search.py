@@ -23,6 +23,11 @@ STAGES: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("pd+ff+dob", (SUCCESS,)),
 )
 """The controllers in the order in which they are flown, and the outcomes that E1 asks of each."""
+KEPT = 0.015
+"""Way [m] that a block may slide under a controller that keeps it; in the default 0.012, most of it on the last edge.
+
+Without this bound worlds count in which all four throw the block, and two of them turn it over by luck.
+"""
 BATCH = 100
 """Worlds flown before the next are made."""
 BISECTIONS = 6
@@ -42,7 +47,7 @@ class World:
     def passed(self) -> int:
         """How many of `STAGES` went as the paper tells; all of them: E1 holds here."""
         for stage, (name, wanted) in enumerate(STAGES):
-            if name not in self.outcomes or self.outcomes[name].mode not in wanted:
+            if name not in self.outcomes or not _as_told(self.outcomes[name], wanted):
                 return stage
         return len(STAGES)
 
@@ -67,6 +72,11 @@ class World:
         }
         values = {dimension.name: value for dimension, value in zip(self.dimensions, self.values, strict=True)}
         return {"trial": self.index, "passed": self.passed, "values": values, "flips": flown}
+
+
+def _as_told(outcome: Outcome, wanted: Sequence[str]) -> bool:
+    slid = outcome.metrics is not None and outcome.success and outcome.metrics.max_slip_m > KEPT
+    return outcome.mode in wanted and not slid
 
 
 class Search:

@@ -1,6 +1,7 @@
 """The search for E1 as tables."""
 
 from flipdiagram.grid import Grid, number
+from flipdiagram.studies.inverse.search import KEPT
 from flipdiagram.studies.study import Summary
 
 
@@ -15,6 +16,8 @@ def stage_grid(summary: Summary) -> Grid:
     for stage in summary["stages"]:
         modes = sorted(stage["modes"].items(), key=lambda item: -item[1])
         others = ", ".join(f"{count} {mode}" for mode, count in modes if mode not in stage["wanted"])
+        if far := sum(stage["modes"].get(mode, 0) for mode in stage["wanted"]) - stage["went"]:
+            others = f"{far} turned over, but slid farther than {1000 * KEPT:g} mm" + (f", {others}" if others else "")
         wanted = " or ".join(stage["wanted"])
         rows.append([f"`{stage['architecture']}`", wanted, str(stage["flown"]), str(stage["went"]), others or "–"])
     low, high = (100 * summary[name] for name in ("low", "high"))
