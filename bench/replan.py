@@ -86,7 +86,7 @@ class Replan:
 def followed(intervals: int) -> tuple[Scenario, Plan]:
     """A scenario whose program has `intervals` intervals, and a plan of which as many are left after `PASSED`."""
     contact = intervals - BRAKE
-    fixed = {"planner.flight_samples": (FLIGHT, FLIGHT), "planner.brake_samples": BRAKE, "planner.solver": "daqp"}
+    fixed = {"planner.flight_samples": (FLIGHT, FLIGHT), "planner.stop": "brake", "planner.brake_samples": BRAKE}
     longer = Scenario().with_overrides({"planner.contact_samples": (contact + PASSED,) * 2, **fixed})
     return Scenario().with_overrides({"planner.contact_samples": (contact, contact), **fixed}), Planner(longer).plan()
 

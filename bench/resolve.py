@@ -17,7 +17,7 @@ from flipdiagram.planning.program import HorizonProgram
 from flipdiagram.scenario.scenario import Scenario
 
 TIME_LIMIT, RATIO_LIMIT = Target("<", 0.010), Target("<", 1.5)
-INTERVALS = {"planner.contact_samples": (38, 38), "planner.flight_samples": (5, 5), "planner.brake_samples": 12}
+INTERVALS = {"planner.contact_samples": (38, 38), "planner.flight_samples": (5, 5), "planner.stop": "brake"}
 """One horizon of N = 38 + 12 intervals."""
 AGREE = 1e-6
 """Relative difference of two optimal costs, and violation of a row, up to which both solved the same problem."""

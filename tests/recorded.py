@@ -112,8 +112,11 @@ def calibrate():
         "rounds": [{"distance": 2.0, "size": 3.0, "kept": 0.5}],
         "unknowns": [{"name": name, "prior": {"uniform": [0.0, 1.0]}, **unknown} for name in names],
         "draws": {"u": [[0.2, 0.5], [0.4, 0.6], [0.6, 0.1]], "weight": [0.3, 0.4, 0.3], "distance": [1.0, 1.5, 2.0]},
-        "predictions": [row | {"prior": [0.3, 0.9, 2.0], "posterior": [1.0, 1.1, 1.3]} for row in numbers],
-        "claim_shares": [{"id": "E2", "posterior": 1.0, "prior": 0.5}],
+        "predictions": [
+            row | {"prior": [0.3, 0.9, 2.0], "posterior": [1.0, 1.1, 1.3], "scenarios": {"median": 1.05}}
+            for row in numbers
+        ],
+        "claim_shares": [{"id": "E2", "posterior": 1.0, "prior": 0.5, "scenarios": {"median": True}}],
         "recovered": {"worlds": 2, "coverage": 0.75, "unknowns": dict(zip(names, (0.5, 1.0), strict=True))},
         "held_out": [
             {"name": "position RMSE, last start", "paper": 1.18, "interval": [1.0, 1.1, 1.4], "inside": True},
@@ -135,7 +138,7 @@ def inverse():
     stages += [("pd+dob", ["turned over"], 0), ("pd+ff+dob", ["turned over"], 0)]
     rows = [{"architecture": name, "wanted": wanted, "flown": n, "went": 0, "modes": {}} for name, wanted, n in stages]
     found = {"worlds": 3, "found": 0, "rate": 0.0, "low": 0.0, "high": 0.56}
-    return found | {"stages": rows, "worlds_found": [], "smallest": None, "nearest": [world]}
+    return found | {"stages": rows, "worlds_found": [], "region": [], "smallest": None, "nearest": [world]}
 
 
 BODIES = {

@@ -129,8 +129,10 @@ def kept(function: FunctionType, names: dict[str, Any], text: str, files: Set[st
         with suppress(OSError, InputError):
             if not path.exists():  # a new file of the same text would be a new one to numba
                 write_atomically(path, text)
-        code = function.__code__.replace(co_filename=str(path))
-        _loaded[path] = jit(FunctionType(code, names, function.__name__, function.__defaults__))
+        # a name of its own: numba links what it finds compiled by name, and many are called `compute`
+        name = f"{function.__name__}_{path.stem}"
+        code = function.__code__.replace(co_filename=str(path), co_name=name, co_qualname=name)
+        _loaded[path] = jit(FunctionType(code, names, name, function.__defaults__))
     return _loaded[path]
 
 

@@ -63,18 +63,22 @@ def engines(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
 
 
 def calibrate(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
-    """'predictions' of the paper's numbers by name, quantiles of prior and posterior; 'claims', shares of worlds; the
-    posterior's 'draws' by unknown in the unit cube of the priors, with their weights."""
-    rows = []
+    """'predictions' of the paper's numbers by name, quantiles of prior and posterior; 'scenarios', the same numbers of
+    the scenarios flown beside them; 'claims', shares of worlds; the posterior's 'draws' by unknown in the unit cube of
+    the priors, with their weights."""
+    rows, named = [], []
     for entry in summary["predictions"]:
         row = {"name": entry["name"], "paper": entry["paper"]}
         for kind in ("prior", "posterior"):
             row |= dict(zip((f"{kind}_low", f"{kind}_median", f"{kind}_high"), entry[kind] or (None,) * 3, strict=True))
         rows.append(row)
+        named += [{"name": entry["name"], "scenario": k, "value": v} for k, v in entry["scenarios"].items()]
+    shares = [{k: row[k] for k in ("id", "prior", "posterior")} for row in summary["claim_shares"]]
     draws, names = summary["draws"], [entry["name"] for entry in summary["unknowns"]]
     parts = {
         "predictions": _table(rows, ["name"]),
-        "claims": _table([dict(row) for row in summary["claim_shares"]], ["id"]),
+        "scenarios": _table(named, ["name", "scenario"]),
+        "claims": _table(shares, ["id"]),
         "draws": xr.Dataset(
             {"u": (("draw", "unknown"), np.array(draws["u"]).reshape(-1, len(names)), {"units": "1"})},
             coords={"unknown": names, "weight": ("draw", np.array(draws["weight"]), {"units": "1"})},

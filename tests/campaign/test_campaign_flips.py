@@ -8,8 +8,9 @@ import signal
 
 import pytest
 from campaign.made_up import contents
+from ideal import IDEAL
 
-from flipdiagram.campaign.checks import from_text
+from flipdiagram.campaign.checks import from_text, load_specification
 from flipdiagram.campaign.run import run
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.flips import child_process
@@ -50,16 +51,15 @@ def test_a_row_is_what_a_single_flip_measures(undisturbed):
     truth = specification.truth(trial)
     # M_n is of the arm as planner and controller believe it to be, which is the base's
     inertia = tuple(build_loop(specification.base).boxes.nominal_inertia.inertia.tolist())
-    truth = truth.with_overrides({"controller.nominal_inertia": inertia})
+    truth = truth.with_overrides({"controller.nominal_inertia": inertia, "controller.nominal_inertia_scale": 1.0})
     outcome = fly(truth, "pd+ff+dob", plan)
     row = next(row for row in undisturbed if (row["trial"], row["architecture"]) == (1, "pd+ff+dob"))
     measured = outcome.metrics.as_dict()
     assert row["metrics"] == json.loads(json.dumps(measured | {"torque_use": row["metrics"]["torque_use"]}))
 
 
-WEAK = (
-    TEXT[: TEXT.index("vary")].replace("simulation: {", "simulation: {start: hold, ")
-    + """
+WEAK = """
+base: strong.yaml
 vary:
   arm.torque_scale: {grid: [0.15, 1.0]}
   disturbance.payload: {grid: [0.0, 1.0]}
@@ -67,11 +67,14 @@ sampler: grid
 architectures: [pd+ff+dob]
 timeout: 100
 """
-)
 
 
 def test_a_flip_that_lacks_torque_fails_by_its_limit_and_one_that_never_reached_it_by_what_happened(tmp_path):
-    rows = {tuple(row["values"]): row for row in contents(run(from_text(WEAK), tmp_path, jobs=2).file)}
+    short = {"simulation.start": "hold", "simulation.hold_time": 0.05, "simulation.settle_time": 0.05}
+    (tmp_path / "strong.yaml").write_text(IDEAL.with_overrides(short).to_yaml())
+    (tmp_path / "weak.yaml").write_text(WEAK)
+    file = run(load_specification(tmp_path / "weak.yaml"), tmp_path, jobs=2).file
+    rows = {tuple(row["values"]): row for row in contents(file)}
     for payload in (0.0, 1.0):
         weak = rows[0.15, payload]
         assert weak["outcome"] == "torque limit" and weak["metrics"]["saturated_s"] > 5 * LIMITED

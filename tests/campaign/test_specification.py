@@ -62,7 +62,7 @@ trials: 8
         (("trials: 8", "trials: !!python/object/apply:os.system [id]"), 7, ["not valid YAML", "python"]),
         (("start_y: 0.02", "start_y: 9.0"), 2, ["'task.start_y' = 9.0"]),
         (("base: {task: {start_y: 0.02}}", "base: nowhere.yaml"), 2, ["nowhere.yaml", "cannot be read"]),
-        (("base: {task: {start_y: 0.02}}", "base: {joint_friction: {coulomb: 0.2}}"), 2, ["chatter"]),
+        (("base: {task: {start_y: 0.02}}", "base: {joint_friction: {coulomb: 0.9}}"), 2, ["chatter"]),
         ((GOOD[GOOD.index("vary") : GOOD.index("sampler")], "vary: {}\n"), 3, ["vary"]),
     ],
 )
@@ -158,7 +158,7 @@ def test_a_list_is_scaled_element_by_element_and_fields_joined_by_a_comma_togeth
     )
     assert len(found.dimensions) == 7
     truth = found.truth(found.trial(2))
-    assert truth.joint_friction.coulomb / 0.10 == pytest.approx(truth.joint_friction.viscous / 0.033)
+    assert truth.joint_friction.coulomb / 0.075 == pytest.approx(truth.joint_friction.viscous / 0.05)
     assert len(set(truth.arm.link_inertia_scales)) == 6
     assert truth.arm.link_inertia_scales == pytest.approx(found.trial(2).values[1:])
 

@@ -194,7 +194,7 @@ def test_what_is_no_chain_of_revolute_joints_falls_back(scenario, arm, monkeypat
 def test_the_first_plan_of_other_solvers_needs_no_numba(scenario, arm):
     code = (
         "import sys; from flipdiagram.planning import Planner; from flipdiagram.scenario.scenario import Scenario;"
-        " scenario = Scenario(planner={'solver': 'clarabel'}); horizons = Planner(scenario).horizons; horizons.rows(horizons.guess(24, 5)); sys.exit('numba' in sys.modules)"
+        " scenario = Scenario(planner={'solver': 'clarabel', 'contact_samples': (10, 30)}); horizons = Planner(scenario).horizons; horizons.rows(horizons.guess(24, 5)); sys.exit('numba' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 

@@ -723,7 +723,7 @@ def test_info_of_a_summary_counts_verdicts_and_claims(study, row, tmp_path):
     scenario = Scenario().with_overrides({"planner.contact_samples": (11, 30)})
     rows = info(summary_file(tmp_path, study, scenario=scenario)).rows
     assert row in rows
-    assert ("scenario planner.contact_samples", "[11, 30] (default [10, 30])") in rows
+    assert ("scenario planner.contact_samples", "[11, 30] (default [10, 20])") in rows
     assert any(name == "versions" and "drake" in text for name, text in rows)
 
 

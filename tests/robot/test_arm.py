@@ -249,13 +249,13 @@ def test_mass_matrix_is_symmetric_positive_definite(arm, states):
 
 
 def test_reflected_inertia_is_in_mass_matrix_and_inverse_dynamics(states):
-    bare, rotors, doubled = (ArmModel(ArmSpec(Arm(reflected_inertia_scale=scale))) for scale in (0, 1, 2))
+    bare, rotors, tripled = (ArmModel(ArmSpec(Arm(reflected_inertia_scale=scale))) for scale in (0, 1, 3))
     q, qd = states[0]
     np.testing.assert_allclose(rotors.mass_matrix(q) - bare.mass_matrix(q), np.diag(REFLECTED), rtol=1e-3, atol=1e-12)
     qdd = np.arange(1.0, 7.0)
-    extra = doubled.inverse_dynamics(q, qd, qdd) - bare.inverse_dynamics(q, qd, qdd)
-    np.testing.assert_allclose(extra, 2 * REFLECTED * qdd, rtol=1e-3)
-    assert ArmModel().mass_matrix(q) == pytest.approx(doubled.mass_matrix(q)), "doubled is the default"
+    extra = tripled.inverse_dynamics(q, qd, qdd) - bare.inverse_dynamics(q, qd, qdd)
+    np.testing.assert_allclose(extra, 3 * REFLECTED * qdd, rtol=1e-3)
+    assert ArmModel().mass_matrix(q) == pytest.approx(tripled.mass_matrix(q)), "three times is the default"
 
 
 def test_inverse_dynamics_is_linear_in_acceleration_with_slope_m(arm, states):

@@ -14,7 +14,7 @@ from flipdiagram.errors import InputError
 from flipdiagram.flips.outcome import Outcome
 from flipdiagram.planning import plan_motion
 from flipdiagram.plants.joint_friction import joint_friction
-from flipdiagram.scenario.scenario import ARCHITECTURES
+from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.scenario.yaml_reader import parse_value
 from flipdiagram.simulation import metrics
 from flipdiagram.simulation.metrics import FlipMetrics
@@ -277,7 +277,7 @@ def test_a_cell_flown_alone_by_its_overrides_gives_the_same_bits(flown):
     words = [word for path, value in fields.items() for word in (f"--{path}", json.dumps(value))]
     rest, texts = split_overrides([*SHORT, *words])
     assert not rest
-    scenario = IDEAL.with_overrides({path: parse_value(text, path) for path, text in texts.items()})
+    scenario = Scenario().with_overrides({path: parse_value(text, path) for path, text in texts.items()})
     found = metrics.measure(simulate(scenario, name, plan_motion(scenario)).recording)
     shown = drawn["architectures"][name]
     assert shown["success"][j][i] == found.success
