@@ -67,8 +67,12 @@ def equilibrium(
         return np.concatenate([tau.Eval(sender) - holding_torque(angles), *moves])
 
     try:
-        found = root(residual, np.concatenate([q, *initial.values()]), tol=1e-13).x
+        begin = np.concatenate([q, *initial.values()])
+        found = root(residual, begin, tol=1e-13).x
         left = np.abs(residual(found))
+        if not np.all(left <= AT_REST):  # Powell's method may stop where it begins: unknowns of unlike size, scaled
+            found = root(residual, begin, tol=1e-13, options={"diag": 1 / np.maximum(np.abs(begin), 0.01)}).x
+            left = np.abs(residual(found))
     except RuntimeError as error:  # a box with several periods, a singular pose
         raise no_equilibrium(first_line(error)) from None
     if not np.all(left <= AT_REST):

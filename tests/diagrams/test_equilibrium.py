@@ -40,6 +40,7 @@ QUICK = {"controller.k_p": 3000.0}
     "architecture, seconds, fields",
     [
         ("pd+ff", 2.0, QUICK),
+        ("pd", 2.0, QUICK | {"disturbance.block_offset": 0.01}),
         ("pd+dob", 2.0, QUICK | IMPERFECT | {"sensors.encoder_resolution": 0.0}),
         ("pd+ff+dob", 2.0, QUICK | {"controller.gravity_compensation": 0.5, "simulation.step": 0.0005}),
         ("pd+ff+dob", 8.0, {}),
