@@ -73,7 +73,7 @@ def _ratios(low: float, high: float, default: int, resolution: int | None) -> li
 
 def _friction(default: int, resolution: int | None) -> Axis:
     def fields(level: float) -> Overrides:
-        # viscous friction grows in the default's proportion; above 14 % the default's transition would chatter
+        # viscous friction grows in proportion, transition too where the default's would chatter
         return {
             "joint_friction.coulomb": level,
             "joint_friction.viscous": 0.33 * level,

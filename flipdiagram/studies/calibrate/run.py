@@ -33,13 +33,11 @@ from flipdiagram.studies.calibrate.observations import (
     stages,
 )
 from flipdiagram.studies.calibrate.predictions import Shown
-from flipdiagram.studies.calibrate.section import CalibrateSection, load_calibration
+from flipdiagram.studies.calibrate.section import MEDIAN, CalibrateSection, load_calibration
 from flipdiagram.studies.calibrate.worlds import Worlds
 from flipdiagram.studies.study import Progress, silent
 
 FILE = "calibrate.sqlite"
-MEDIAN = "median.yaml"
-"""The scenario with each unknown at its posterior's median."""
 Data = dict[str, Any]
 
 
@@ -54,7 +52,9 @@ def run(
     progress: Progress = silent,
     work: Work = WORK,
 ) -> None:
-    """Draw worlds from the priors of a file, fly them, keep those like the paper's, go on about them; summary.json.
+    """Draw worlds from the priors of a file, fly them, keep those like the paper's, go on about them.
+
+    Writes summary.json, and median.yaml, the scenario with each unknown at its posterior's median.
 
     Each flip is kept in `out`/calibrate.sqlite as it ends: an interrupted calibration goes on where it was.
 
@@ -83,7 +83,7 @@ def run(
         with stored as store:
             worlds = Worlds(priors, settings.starts, Flying(workers, store, work, priors.limits, clock.tick), clock)
             body, median = calibrate(priors, settings, worlds, scenarios, progress)
-    write_atomically(Path(out) / MEDIAN, median.to_yaml())
+    write_atomically(Path(out) / f"{MEDIAN}.yaml", median.to_yaml())
     write_summary(Path(out) / "summary.json", "calibrate", priors.base, body)
 
 
@@ -118,7 +118,7 @@ def calibrate(
     population, history = inference.sequential(rejected, priors.trials, simulate, settings.rounds, rng)
     median = priors.truth(priors.drawn(0, _quantiles(worlds, population)[1].tolist(), priors.seeds[0]))
     progress("the starts of the paper")
-    shown = Shown(worlds, population, prior, {**scenarios, "median": median})
+    shown = Shown(worlds, population, prior, {**scenarios, MEDIAN: median})
     body = {
         "worlds": len(worlds.observations),
         "starts_y_m": list(settings.starts),

@@ -13,6 +13,9 @@ from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.scenario.text import Section
 from flipdiagram.studies.calibrate.observations import DATA
 
+MEDIAN = "median"
+"""Name of the scenario with each unknown at its posterior's median, and of its file."""
+
 
 class CalibrateSection(Section):
     """The section `calibrate`; the description of a field says what is valid."""
@@ -50,6 +53,8 @@ def load_calibration(
 
 def compared(section: CalibrateSection, source: Source, folder: Path) -> dict[str, Scenario]:
     """The scenarios to be flown beside the worlds, by name; a file is looked for in the folder first."""
+    if MEDIAN in section.compare:
+        raise source.bad(["calibrate", "compare"], MEDIAN, "another name: that of the world at the posterior's medians")
     found = {}
     for name, file in section.compare.items():
         with source.located(("calibrate", "compare")):
