@@ -203,7 +203,7 @@ FORCES = np.r_[:3, 9:12, 18:21, 3:6]
 
 def _mean_wrench(sensed: Floats) -> Floats:
     """The port `contact_wrench` (12,) of what the sensors gave in each step of MuJoCo's (steps, 27)."""
-    wrench: Floats = (sensed.sum(axis=0) / len(sensed)).take(FORCES)
+    wrench: Floats = (np.sum(sensed, axis=0) / len(sensed))[FORCES]
     # point times force: its antisymmetric part is the moment about the origin
     C = (sensed[:, 6:9].T.dot(sensed[:, :3]) / len(sensed)).tolist()
     wrench[9] += C[1][2] - C[2][1]
