@@ -1,12 +1,15 @@
-"""Files that a run writes: each appears whole or not at all; the head of every `summary.json`."""
+"""Files that a user names: of which kind and size they may be.  Files that a run writes: whole or not at all."""
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import json
 import math
 import os
 import platform
+import reprlib
+import stat
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -18,6 +21,20 @@ from flipdiagram.errors import InputError
 
 if TYPE_CHECKING:  # the command line imports this module before it knows whether it needs them
     from pydantic import BaseModel
+
+TEXT_BYTES = 1_000_000
+"""What a text that somebody wrote may have: scenario, campaign, model."""
+RESULT_BYTES = 1_000_000_000
+"""What a file of results may have that is read into memory."""
+KINDS = (
+    (stat.S_ISDIR, "Is a directory"),
+    (stat.S_ISFIFO, "Is a pipe (FIFO)"),
+    (stat.S_ISSOCK, "Is a socket"),
+    (stat.S_ISCHR, "Is a device"),
+    (stat.S_ISBLK, "Is a device"),
+)
+_short = reprlib.Repr()
+_short.maxstring = 120
 
 try:
     __version__ = version("flipdiagram")
@@ -31,6 +48,65 @@ def cache_folder() -> Path:
         return Path(chosen)
     base = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     return Path(base) / "flipdiagram"
+
+
+def check_file(path: str | os.PathLike[str], what: str, valid: str, most: int | None = None) -> Path:
+    """The path of a regular file of at most `most` bytes, which a library may open by its name.
+
+    Nothing is opened here: a pipe would wait for ever, a device never end.
+
+    Args:
+        path: as the user named it.
+        what: words before the name in an error, such as 'scenario file' or 'arm.file ='.
+        valid: what would be valid, in words.
+        most: bytes that it may have; None: any number.
+
+    Raises InputError, one line, where it is no such file or cannot be read.
+    """
+    try:
+        found = os.stat(path)
+        reason = next((text for is_kind, text in KINDS if is_kind(found.st_mode)), None)
+        if reason is None and most is not None and found.st_size > most:
+            reason = _too_large(found.st_size, most)
+        if reason is None and not os.access(path, os.R_OK):
+            reason = os.strerror(errno.EACCES)
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name, or a name that is no text
+        reason = getattr(error, "strerror", None) or str(error)
+    if reason is not None:
+        raise unreadable(path, what, valid, reason)
+    return Path(path)
+
+
+def read_file(path: str | os.PathLike[str], what: str, valid: str, most: int = TEXT_BYTES) -> bytes:
+    """The bytes of a file that `check_file` accepts; arguments and errors are its."""
+    try:
+        # it may have become a pipe meanwhile, and some files of the system have no size and no end
+        with open(os.open(check_file(path, what, valid, most), os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
+            content = file.read(most + 1)
+    except OSError as error:
+        raise unreadable(path, what, valid, error.strerror or str(error)) from None
+    if len(content) > most:
+        raise unreadable(path, what, valid, _too_large(len(content), most))
+    return content
+
+
+def read_text(path: str | os.PathLike[str], what: str, valid: str, most: int = TEXT_BYTES) -> str:
+    """The text of a file in UTF-8, line ends as newlines; arguments and errors are those of `check_file`."""
+    try:
+        text = read_file(path, what, valid, most).decode()
+    except UnicodeDecodeError:
+        raise unreadable(path, what, valid, "not UTF-8 text") from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def unreadable(path: str | os.PathLike[str], what: str, valid: str, reason: str) -> InputError:
+    """The error of a file that is not read: 'scenario file 'a.yaml' cannot be read: Is a directory; valid is …'."""
+    problem = f"{what} {_short.repr(os.fspath(path))}".strip() + f" cannot be read: {reason}"
+    return InputError.of(what.removesuffix(" ="), os.fspath(path), valid, problem)
+
+
+def _too_large(size: int, most: int) -> str:
+    return f"It has {size:,} bytes or more, at most {most:,} are read"
 
 
 @contextmanager

@@ -1,6 +1,8 @@
 import json
 import math
 import os
+import socket
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -99,3 +101,52 @@ def test_an_output_folder_without_permission_is_refused(tmp_path):
 def test_an_output_folder_on_a_file_system_that_takes_no_files_is_refused():
     with pytest.raises(InputError, match="cannot be written"):
         files.check_output_directory("/proc/flipdiagram")
+
+
+def _socket(path):
+    with socket.socket(socket.AF_UNIX) as own:
+        own.bind(str(path))
+
+
+# Each row: name of the file, what makes it, and why it is not read.
+NO_FILES = {
+    "missing": ("gone", lambda path: None, "No such file"),
+    "directory": ("folder", Path.mkdir, "Is a directory"),
+    "pipe": ("pipe", os.mkfifo, "Is a pipe"),
+    "socket": ("socket", _socket, "Is a socket"),
+    "endless device": ("zero", lambda path: path.symlink_to("/dev/zero"), "Is a device"),
+    "empty device": ("null", lambda path: path.symlink_to("/dev/null"), "Is a device"),
+    "link to itself": ("loop", lambda path: path.symlink_to(path), "symbolic links"),
+    "file as folder": ("a/b", lambda path: path.parent.write_text("a"), "Not a directory"),
+    "large": (
+        "large",
+        lambda path: (path.touch(), os.truncate(path, 50_000_000)),
+        "50,000,000 bytes or more, at most 1,000,000",
+    ),
+    "no size": ("kernel", lambda path: path.symlink_to("/proc/kallsyms"), "at most 1,000,000"),
+    "NUL in the name": ("a\0b", lambda path: None, "null"),
+    "long name": ("n" * 300, lambda path: None, "File name too long"),
+    "name that is no text": ("\udcff", lambda path: None, "No such file"),
+    "no text": ("bytes", lambda path: path.write_bytes(b"\xff\xfe"), "not UTF-8 text"),
+}
+
+
+@pytest.mark.parametrize(("name", "make", "reason"), NO_FILES.values(), ids=NO_FILES)
+def test_what_is_no_file_is_refused_before_it_is_read(tmp_path, monkeypatch, name, make, reason):
+    monkeypatch.chdir(tmp_path)
+    make(Path(name))
+    with pytest.raises(InputError) as caught:
+        files.read_text(name, "scenario file", "a YAML file")
+    message = str(caught.value)
+    assert message.startswith("scenario file '") and message.endswith("; valid is a YAML file")
+    assert f"cannot be read: {reason}" in message or reason in message
+    assert message.isprintable() and len(message) < 250
+
+
+def test_a_file_is_read_as_text(tmp_path):
+    path = tmp_path / "a"
+    path.write_bytes("θ\r\nb\n".encode())
+    assert files.read_text(path, "", "a file") == "θ\nb\n"
+    assert files.check_file(path, "", "a file", most=6) == path
+    with pytest.raises(InputError, match="'.*a' cannot be read: It has 6 bytes or more, at most 5"):
+        files.check_file(path, "", "a file", most=5)

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar, get_args
 from pydantic import BaseModel, Field, ValidationError
 
 from flipdiagram.errors import InputError
+from flipdiagram.files import read_text
 from flipdiagram.flips.child_process import MEMORY
 from flipdiagram.scenario.scenario import ARCHITECTURES, Architecture
 from flipdiagram.scenario.text import Section
@@ -94,12 +95,7 @@ class Source:
 
 def read(path: str | Path) -> Source:
     """The file; InputError where it cannot be read or is no mapping."""
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise InputError(f"campaign '{path}' cannot be read: {reason}; valid is a YAML file") from None
-    return parse(text, str(path))
+    return parse(read_text(path, "campaign", "a YAML file"), str(path))
 
 
 def parse(text: str, name: str = "campaign.yaml") -> Source:

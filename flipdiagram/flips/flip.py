@@ -10,7 +10,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from flipdiagram.diagrams.controller import check_architecture
-from flipdiagram.files import versions
+from flipdiagram.errors import InputError
+from flipdiagram.files import read_file, versions
 from flipdiagram.robot.model_files import urdf_directory
 from flipdiagram.scenario.scenario import FILES, Controller, Scenario
 
@@ -91,6 +92,6 @@ def _models(scenario: Scenario) -> list[str]:
     for field in FILES:
         section, name = field.split(".")
         if path := getattr(getattr(scenario, section), name):
-            with suppress(OSError):  # who runs the flip says that it cannot be read
-                digests.append(f"{field} {hashlib.sha256(Path(path).read_bytes()).hexdigest()}")
+            with suppress(InputError):  # who runs the flip says that it cannot be read
+                digests.append(f"{field} {hashlib.sha256(read_file(path, field, 'a file')).hexdigest()}")
     return digests

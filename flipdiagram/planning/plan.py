@@ -15,6 +15,7 @@ from pydantic import Field, PlainValidator, TypeAdapter, ValidationError
 
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import InputError
+from flipdiagram.files import RESULT_BYTES, read_text
 from flipdiagram.planning.model import flight
 from flipdiagram.theory import contact
 
@@ -206,11 +207,5 @@ class Plan:
     @classmethod
     def load(cls, path: str | Path) -> Plan:
         """Read a plan file; raises InputError where it cannot be read."""
-        source = f"plan file {str(path)!r}"
-        try:
-            text = Path(path).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-            problem = f"{source} cannot be read: {reason}"
-            raise InputError.of(source, str(path), "a file of 'flipdiagram plan'", problem) from None
-        return cls.from_json(text, source)
+        text = read_text(path, "plan file", "a file of 'flipdiagram plan'", RESULT_BYTES)
+        return cls.from_json(text, f"plan file {str(path)!r}")

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 
 from pydrake.geometry import GeometrySet
 from pydrake.math import RigidTransform
@@ -10,6 +9,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, RigidBody, SpatialInertia
 
 from flipdiagram.errors import InputError
+from flipdiagram.files import read_text
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.arm_spec import ArmSpec
 from flipdiagram.robot.assembly import ArmHandles, add_arm, add_body
@@ -113,11 +113,7 @@ def _spatula(scenario: Scenario) -> str:
     file = scenario.tool.file
     if file is None:
         return spatula_urdf(scenario)
-    try:
-        return Path(file).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        message = f"tool.file = '{file}' cannot be read: {error}"
-        raise InputError(message, field="tool.file", value=file) from None
+    return read_text(file, "tool.file =", "a URDF or SDF")
 
 
 def _arm_spec(scenario: Scenario) -> ArmSpec:

@@ -20,7 +20,7 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from flipdiagram.errors import ScenarioError
+from flipdiagram.files import read_text
 from flipdiagram.scenario.cell import JOINTS, Arm, Disturbance, JointFriction, Object, Table, Tool
 from flipdiagram.scenario.joints import Drive, Joints, Sensors
 from flipdiagram.scenario.motion import Planner, Task
@@ -190,17 +190,13 @@ def from_yaml(text: str, source: str = "scenario") -> Scenario:
 def load(path: str | os.PathLike[str]) -> Scenario:
     """Read a scenario file; model files that it names are looked for beside it first.
 
-    Raises ScenarioError naming the file where it cannot be read.
+    Raises InputError naming the file where it cannot be read.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise ScenarioError(f"scenario file {str(path)!r} cannot be read: {reason}; valid is a YAML file") from None
+    text = read_text(path, "scenario file", "a YAML file")
     scenario, changes = from_yaml(text, f"scenario file {str(path)!r}"), {}
     for field in FILES:
         section, name = field.split(".")
         beside = Path(path).parent / str(getattr(getattr(scenario, section), name))
-        if beside.is_file():  # files are named from where the scenario stands, else from where the command runs
+        if os.path.isfile(beside):  # files are named from where the scenario stands, else from where the command runs
             changes[field] = str(beside)
     return scenario.with_overrides(changes) if changes else scenario
