@@ -14,6 +14,12 @@ TIME_LIMIT, MEMORY_LIMIT = Target("<", 25.0), Target("<", 600e6)
 STAGES = (("start-up", "planning"), ("planning", "planned in"), ("simulations", r"\d+/\d+ "))
 """Each stage, and how the line of progress begins that ends it; the last stage ends with the command."""
 LAST_STAGE = "figures and replay, exit"
+PROGRAM = (
+    "import sys; from contextlib import nullcontext; from flipdiagram.cli import commands, main;"
+    " commands.status = lambda quiet: nullcontext(lambda text: print(text, file=sys.stderr, flush=True));"
+    " sys.exit(main.main())"
+)
+"""The command, with its progress a line each: it shows none where stderr is no terminal."""
 QUICK = ("--quick", "--architecture", "pd+ff+dob")
 TEXT = (
     "`flipdiagram {words}` in a fresh process, from its start to its exit, as a user runs it. Memory: peak resident"
@@ -30,7 +36,7 @@ def measure(repetitions: int, quick: bool) -> Section:
     runs: list[Watched] = []
     for _ in range(repetitions):
         with tempfile.TemporaryDirectory() as out:
-            runs.append(watch([sys.executable, "-m", "flipdiagram", *words, "--out", out]))
+            runs.append(watch([sys.executable, "-c", PROGRAM, *words, "--out", out]))
             files = sum(len(names) for _, _, names in os.walk(out))
     section.add("wall time", [run.elapsed for run in runs], target=None if quick else TIME_LIMIT)
     stages = [stage_times(run) for run in runs]

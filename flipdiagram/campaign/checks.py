@@ -7,20 +7,21 @@ from pathlib import Path
 from typing import Any
 
 from flipdiagram.campaign.distributions import distribution, is_number
-from flipdiagram.campaign.specification import UNKNOWN_SECTIONS, Dimension, Specification, elements_of, value_of
+from flipdiagram.campaign.specification import UNKNOWN_SECTIONS, Dimension, Specification, elements_of
 from flipdiagram.campaign.specification_file import MOST_TRIALS, Source, SpecificationFile, parse, read
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import InputError, PlanningError, SimulationError
 from flipdiagram.flips.flip import NOT_OF_A_FLIP
-from flipdiagram.scenario.scenario import Scenario, field_paths, from_mapping, load
+from flipdiagram.scenario.scenario import Scenario, field_paths, from_mapping, load, value_of
 from flipdiagram.scenario.text import unknown_field
+from flipdiagram.scenario.work import flip_work
 
 CHECKED = 5_000
 """Trials whose scenario is tried beforehand, 0.1 ms each; of a longer campaign those spread evenly."""
 BUILT = 40
 """Borders at which the diagram itself is built beforehand, 50 ms each."""
-PLAN_SECONDS, BUILD_SECONDS, REAL_TIME_FACTOR, MOTION_SECONDS = 0.8, 0.15, 2.0, 1.0
-"""Of a typical core: a plan, building and judging a flip, simulated over wall time; a typical motion."""
+BUILD_SECONDS = 0.15
+"""Of a typical core, for building and judging a flip."""
 
 
 def load_specification(path: str | Path, changes: Mapping[str, Any] | None = None) -> Specification:
@@ -69,10 +70,10 @@ def specification(source: Source, folder: Path, changes: Mapping[str, Any] | Non
 
 def estimated_hours(specification: Specification, jobs: int) -> float:
     """Wall time of the whole campaign on `jobs` cores [h], from the speed of a typical core."""
-    settings = specification.base.simulation
-    simulated = settings.lead_time + MOTION_SECONDS + settings.settle_time
-    flips = specification.rows * (BUILD_SECONDS + simulated / REAL_TIME_FACTOR * 0.001 / settings.step)
-    plans = (specification.trials if specification.planned else 1) * PLAN_SECONDS
+    seconds = flip_work(specification.base)
+    plan = seconds.pop("planner.contact_samples")
+    flips = specification.rows * (BUILD_SECONDS + sum(seconds.values()))
+    plans = (specification.trials if specification.planned else 1) * plan
     return (flips + plans) / jobs / 3600
 
 

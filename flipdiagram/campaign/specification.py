@@ -13,7 +13,7 @@ from flipdiagram.campaign.distributions import Distribution
 from flipdiagram.flips.child_process import MEMORY, Limits
 from flipdiagram.flips.flight import Flight
 from flipdiagram.flips.flip import PLAN_SECTIONS
-from flipdiagram.scenario.scenario import Scenario, field_paths
+from flipdiagram.scenario.scenario import Scenario, field_paths, value_of
 
 UNKNOWN_SECTIONS = ("arm", "tool", "object", "table")
 """Things of the world: planner and controller go by the base scenario's unless the campaign says they are known."""
@@ -162,12 +162,6 @@ class Specification:
     def digest(self) -> str:
         """Name of the campaign: changes with anything that changes a result, not with comments or order of keys."""
         return hashlib.sha256(json.dumps(self.as_dict(), sort_keys=True).encode()).hexdigest()
-
-
-def value_of(scenario: Scenario, path: str) -> Any:
-    """A field by its path."""
-    section, name = path.split(".")
-    return getattr(getattr(scenario, section), name)
 
 
 def _setting(base: Scenario, overrides: Mapping[str, Any], field: str, dimension: Dimension, value: Any) -> Any:

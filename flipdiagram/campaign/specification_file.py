@@ -11,15 +11,15 @@ from pydantic import BaseModel, Field, ValidationError
 from flipdiagram.errors import InputError
 from flipdiagram.files import read_text
 from flipdiagram.flips.child_process import MEMORY
+from flipdiagram.scenario.joints import MOST_SEED
 from flipdiagram.scenario.scenario import ARCHITECTURES, Architecture
 from flipdiagram.scenario.text import Section
 from flipdiagram.scenario.yaml_reader import Lines, line_of, read_mapping, show
 
 LARGEST = 1_000_000
 """Characters that a specification may have."""
-MOST_TRIALS, MOST_SEED = 10_000_000, 2**32 - 1
+MOST_TRIALS = 10_000_000
 VARY = "'field: {distribution: [numbers]}', at least one"
-POSITIVE = "a finite number above 0"
 
 Model = TypeVar("Model", bound=BaseModel)
 Seed = Annotated[int, Field(ge=0, le=MOST_SEED, description=f"a whole number from 0 to {MOST_SEED}")]
@@ -39,9 +39,9 @@ class SpecificationFile(Section):
     architectures: tuple[Architecture, ...] = Field(
         get_args(Architecture), min_length=1, description=f"a list of {', '.join(ARCHITECTURES)}, each once"
     )
-    timeout: float = Field(120.0, gt=0, description=POSITIVE)
-    memory: float = Field(MEMORY, gt=0, description=POSITIVE)
-    limit_hours: float = Field(12.0, gt=0, description=POSITIVE)
+    timeout: float = Field(120.0, ge=0.01, le=1e6, description="a number from 0.01 to 1e6 [s]")
+    memory: float = Field(MEMORY, ge=0.01, le=1e4, description="a number from 0.01 to 10000 [GB]")
+    limit_hours: float = Field(12.0, ge=1e-6, le=1e5, description="a number from 1e-6 to 1e5 [h]")
     tune: Any = Field(None, description="the section that `tuning.TuneSection` checks")
     calibrate: Any = Field(None, description="the section that the study `calibrate` checks")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from flipdiagram.campaign.run import WORK
-from flipdiagram.campaign.specification import Specification, value_of
+from flipdiagram.campaign.specification import Specification
 from flipdiagram.campaign.statistics import paired, success_rate
 from flipdiagram.campaign.tuning import Goal, TuneSection
 from flipdiagram.errors import InputError
@@ -17,6 +17,7 @@ from flipdiagram.flips.outcome import MODES, SUCCESS, Outcome
 from flipdiagram.flips.run import Clock, Progress, fly_kept
 from flipdiagram.flips.store_file import open_to_write
 from flipdiagram.flips.workers import workers_of
+from flipdiagram.scenario.scenario import value_of
 
 BATCH = 4
 """Sets of gains tried at a time: the search is the same on any number of workers."""

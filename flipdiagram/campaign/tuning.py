@@ -12,7 +12,7 @@ from pydantic import Field
 from flipdiagram.campaign.checks import specification
 from flipdiagram.campaign.distributions import Distribution, distribution
 from flipdiagram.campaign.specification import Specification
-from flipdiagram.campaign.specification_file import MOST_SEED, VARY, Seed, Source, read
+from flipdiagram.campaign.specification_file import MOST_TRIALS, VARY, Seed, Source, read
 from flipdiagram.scenario.scenario import ARCHITECTURES, Architecture, Scenario, field_paths
 from flipdiagram.scenario.text import Section, unknown_field
 
@@ -74,9 +74,9 @@ class TuneSection(Section):
         "success",
         description=f"success, or {{quantile: 0.9, of: position_rmse_m}} with one of {', '.join(get_args(Metric))}",
     )
-    budget: int = Field(ge=1, le=MOST_SEED, description="a whole number of at least twice the trials")
+    budget: int = Field(ge=1, le=MOST_TRIALS, description="a whole number of at least twice the trials")
     """Flips of the search."""
-    held_out: int = Field(ge=4, le=MOST_SEED, description="a whole number of at least 4")
+    held_out: int = Field(ge=4, le=MOST_TRIALS, description=f"a whole number from 4 to {MOST_TRIALS}")
     """Trials of the verdict."""
     seed: Seed = 0
 

@@ -13,8 +13,9 @@ from typing import Any
 from flipdiagram.files import check_output_directory, sole_use, versions
 from flipdiagram.grid import Grid, console
 from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.scenario.work import check_work
 from flipdiagram.studies.registry import STUDIES
-from flipdiagram.studies.study import Study
+from flipdiagram.studies.study import Study, silent
 
 
 def print_version() -> None:
@@ -26,6 +27,8 @@ def print_version() -> None:
 def run_study(study: Study, arguments: argparse.Namespace, scenario: Scenario) -> None:
     """Run a study into --out, draw its figures, and show its tables."""
     given = vars(arguments)
+    if not given["yes"]:
+        check_work(scenario, study.work)
     if study.instead is not None and study.instead(scenario, **study.given(given, "instead")):
         return
     study = next((STUDIES[name] for option, name in study.otherwise.items() if given[option]), study)
@@ -79,12 +82,10 @@ def show(*parts: Grid | str | None) -> None:
 
 @contextmanager
 def status(quiet: bool) -> Iterator[Callable[[str], Any]]:
-    """A context that gives progress(text): one moving line on a terminal, else a line each on stderr."""
-    stderr = None if quiet else console(stderr=True)
-    if stderr is None:
-        yield lambda text: None
-    elif not stderr.is_terminal:
-        yield lambda text: print(text, file=sys.stderr, flush=True)
+    """A context that gives progress(text): one moving line on stderr where that is a terminal."""
+    stderr = None if quiet or not sys.stderr.isatty() else console(stderr=True)
+    if stderr is None:  # in a log an error shall be the only line
+        yield silent
     else:
         with stderr.status("") as line:
             yield line.update

@@ -6,7 +6,7 @@ from typing import Any, NoReturn
 
 from flipdiagram.errors import InputError
 from flipdiagram.studies.registry import COMMANDS as STUDY_COMMANDS
-from flipdiagram.studies.study import architecture
+from flipdiagram.studies.study import YES, architecture
 
 COMMANDS = (*STUDY_COMMANDS, "diagram", "info", "scenario", "completion")
 FORMATS = ("dot", "svg", "png", "mermaid")
@@ -52,7 +52,7 @@ def parser() -> argparse.ArgumentParser:
         out = Path("out") / study.name
         command.add_argument("--quiet", action="store_true", help="print errors only")
         command.add_argument("--out", type=Path, default=out, metavar="DIR", help=f"results ({out})")
-        for option in study.options:
+        for option in dict.fromkeys((*study.options, YES)):
             command.add_argument(*option.names, **option.settings)
 
     diagram = add("diagram", "Draw the block diagram of a controller, or of the 1-DOF loop.")

@@ -6,7 +6,7 @@ The sources of the defaults are marked as in `scenario.py`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -14,6 +14,7 @@ from flipdiagram.scenario.text import Section, invalid, quantity
 
 MOST_PERIODS = 1000
 """Longest delay of the torque, in periods of the controller."""
+MOST_SEED = 2**32 - 1
 
 
 class Joints(Section):
@@ -23,25 +24,23 @@ class Joints(Section):
         "rigid",
         description="rigid: as one (c: 68 %); elastic: the gear between them gives way; encoders see the rotor's angle",
     )
-    stiffness: tuple[float, ...] | None = quantity(
-        None, "N m/rad", "of each gear at the joint; null: the file's, of harmonic drives of that torque (L)"
+    stiffness: tuple[Annotated[float, Field(ge=1, le=1e8)], ...] | None = quantity(
+        None,
+        "N m/rad",
+        "of each gear at the joint; null: the file's, of harmonic drives of that torque (L)",
+        min_length=1,
     )
-    stiffness_scale: float = quantity(1.0, "1", "factor on the stiffness of every gear", gt=0)
-    damping: tuple[float, ...] | None = quantity(
-        None, "N m s/rad", "of each gear; null: a damping ratio of 0.05 (o), or what the step needs"
+    stiffness_scale: float = quantity(1.0, "1", "factor on the stiffness of every gear", ge=0.01, le=1000)
+    damping: tuple[Annotated[float, Field(ge=1e-6, le=1e5)], ...] | None = quantity(
+        None, "N m s/rad", "of each gear; null: a damping ratio of 0.05 (o), or what the step needs", min_length=1
     )
-
-    @model_validator(mode="after")
-    def _positive(self) -> Joints:
-        self.require_positive(("stiffness", "damping"), "a number above 0 for each joint, or null")
-        return self
 
     def check(self, approximation: str, joints: Sequence[str] | None) -> None:
         """For a validator: numbers for each of the joints, where they are known, and a solver that moves them."""
         for name in ("stiffness", "damping"):
             values = getattr(self, name)
             if joints is not None and values is not None and len(values) != len(joints):
-                raise invalid(f"joints.{name}", values, f"a number above 0 for each joint {' '.join(joints)}, or null")
+                raise invalid(f"joints.{name}", values, f"a number for each joint {' '.join(joints)}, or null")
         if self.model == "elastic" and approximation == "tamsi":  # it does not converge with them
             valid = "sap, lagged or similar with elastic joints"
             raise invalid("simulation.contact_approximation", approximation, valid)
@@ -57,10 +56,15 @@ class Drive(Section):
         2.0,
         "1/turn",
         "periods of the ripple in a turn of the motor; 2: the wave generator of a harmonic drive (o)",
-        gt=0,
+        ge=0.001,
+        le=1000,
     )
     delay: float = quantity(
-        0.0, "s", "of the torque behind what the controller sends, whole periods of the controller; 0: none", ge=0
+        0.0,
+        "s",
+        "of the torque behind what the controller sends, whole periods of the controller; 0: none",
+        ge=0,
+        le=10,
     )
 
     def check(self, period: float) -> None:
@@ -78,7 +82,7 @@ class Drive(Section):
 class Sensors(Section):
     """What the controller sees of the joints."""
 
-    encoder_resolution: float = quantity(0.0, "rad", "quantisation of the joint angles; 0: none", ge=0)
+    encoder_resolution: float = quantity(0.0, "rad", "quantisation of the joint angles; 0: none", ge=0, le=0.1)
     encoder_bits: int | None = quantity(
         None,
         "bit",
@@ -91,20 +95,23 @@ class Sensors(Section):
         62.8,
         "rad/s",
         "g_v of the pseudo-derivative g_v s/(s + g_v), 10 Hz (H) (c: 54 to 95); null: exact velocity",
-        gt=0,
+        ge=0.1,
+        le=100000,
     )
     camera_period: float | None = quantity(
-        None, "s", "how often a camera sees where the object lies on the blade; null: no camera", gt=0
+        None, "s", "how often a camera sees where the object lies on the blade; null: no camera", ge=0.001, le=10
     )
-    camera_delay: float = quantity(0.02, "s", "age of what it reports", ge=0)
-    camera_noise: float = quantity(0.0005, "m", "standard deviation of what it reports", ge=0)
-    camera_seed: int = quantity(0, "1", "seed of that noise", ge=0)
+    camera_delay: float = quantity(0.02, "s", "age of what it reports", ge=0, le=10)
+    camera_noise: float = quantity(0.0005, "m", "standard deviation of what it reports", ge=0, le=0.1)
+    camera_seed: int = quantity(0, "1", "seed of that noise", ge=0, le=MOST_SEED)
     delay: int = quantity(1, "periods", "delay of q and qd, in periods of the controller (c: 0 to 3)", ge=0, le=1000)
     position_noise: float = quantity(
-        0.0, "rad", "standard deviation of the noise of the joint angles, drawn anew each period; 0: none", ge=0
+        0.0, "rad", "standard deviation of the noise of the joint angles, drawn anew each period; 0: none", ge=0, le=1
     )
-    velocity_noise: float = quantity(0.0, "rad/s", "the same of the joint velocities, measured or derived", ge=0)
-    noise_seed: int = quantity(0, "1", "seed of both", ge=0)
+    velocity_noise: float = quantity(
+        0.0, "rad/s", "the same of the joint velocities, measured or derived", ge=0, le=100
+    )
+    noise_seed: int = quantity(0, "1", "seed of both", ge=0, le=MOST_SEED)
 
     @model_validator(mode="after")
     def _one_encoder(self) -> Sensors:

@@ -21,7 +21,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from flipdiagram.files import read_text
-from flipdiagram.scenario.cell import JOINTS, Arm, Disturbance, JointFriction, Object, Table, Tool
+from flipdiagram.scenario.cell import JOINTS, Arm, Disturbance, Inertia, JointFriction, Object, Table, Tool
 from flipdiagram.scenario.joints import Drive, Joints, Sensors
 from flipdiagram.scenario.motion import Planner, Task
 from flipdiagram.scenario.one_dof import Frequency, OneDof, check_nyquist
@@ -42,26 +42,22 @@ Architecture = Literal["pd", "pd+ff", "pd+dob", "pd+ff+dob"]
 class Controller(Section):
     """Fig. 4: gains per channel and the observer."""
 
-    period: float = quantity(0.001, "s", "sampling time of the controller (p)", gt=0)
-    k_p: float = quantity(350.0, "1/s2", "position gain (p)", ge=0)
-    k_v: float = quantity(120.0, "1/s", "velocity gain (p)", ge=0)
-    g_dis: float = quantity(12.6, "rad/s", "cut-off of the disturbance observer (p)", gt=0)
-    nominal_inertia: tuple[float, ...] | None = quantity(
-        None, "kg m2", "diagonal of M_n per joint; null: the diagonal of M(q) at the start pose (o)"
+    period: float = quantity(0.001, "s", "sampling time of the controller (p)", ge=1e-5, le=0.1)
+    k_p: float = quantity(350.0, "1/s2", "position gain (p)", ge=0, le=1e8)
+    k_v: float = quantity(120.0, "1/s", "velocity gain (p)", ge=0, le=1e6)
+    g_dis: float = quantity(12.6, "rad/s", "cut-off of the disturbance observer (p)", ge=0.01, le=100000)
+    nominal_inertia: tuple[Inertia, ...] | None = quantity(
+        None, "kg m2", "diagonal of M_n per joint; null: the diagonal of M(q) at the start pose (o)", min_length=1
     )
-    nominal_inertia_scale: float = quantity(1.4, "1", "factor on M_n (c: 0.7 to 2.4)", gt=0)
+    nominal_inertia_scale: float = quantity(1.4, "1", "factor on M_n (c: 0.7 to 2.4)", ge=0.01, le=100)
     gravity_compensation: float = quantity(
         0.0,
         "1",
         "fraction of the arm's gravity torque that is fed forward; 0 as in the paper: no such box (c: 1 in 51 %, where"
         " E2 does not hold)",
         ge=0,
+        le=10,
     )
-
-    @model_validator(mode="after")
-    def _positive_inertia(self) -> Controller:
-        self.require_positive(("nominal_inertia",), "a number above 0 [kg m2] for each joint, or null")
-        return self
 
 
 class Simulation(Section):
@@ -78,9 +74,11 @@ class Simulation(Section):
     contact_approximation: Literal["sap", "lagged", "similar", "tamsi"] = Field(
         "similar", description="discrete contact approximation of the plant (lagged loses friction at a patch edge)"
     )
-    step: float = quantity(0.001, "s", "time step of the plant; the controller period over a power of two", gt=0)
-    hydroelastic_modulus: float = quantity(1e6, "Pa", "stiffness of the rubber block (o)", gt=0)
-    dissipation: float = quantity(20.0, "s/m", "Hunt-Crossley dissipation of the block (o)", ge=0)
+    step: float = quantity(
+        0.001, "s", "time step of the plant; the controller period over a power of two", ge=1e-6, le=0.1
+    )
+    hydroelastic_modulus: float = quantity(1e6, "Pa", "stiffness of the rubber block (o)", ge=1000, le=1e11)
+    dissipation: float = quantity(20.0, "s/m", "Hunt-Crossley dissipation of the block (o)", ge=0, le=10000)
     start: Literal["equilibrium", "hold", "switch-on"] = Field(
         "equilibrium",
         description="before the motion: equilibrium: as an endless hold of the start pose ends, joints that stick"
@@ -88,9 +86,9 @@ class Simulation(Section):
         " the observer at zero, then held for hold_time; switch-on: the same, and the motion begins at once",
     )
     hold_time: float | None = quantity(
-        None, "s", "hold of the start pose before the motion (o); null: 2 s of hold, 0.1 s of equilibrium", ge=0
+        None, "s", "hold of the start pose before the motion (o); null: 2 s of hold, 0.1 s of equilibrium", ge=0, le=600
     )
-    settle_time: float = quantity(0.4, "s", "simulated after the plan has ended and the block should lie", ge=0)
+    settle_time: float = quantity(0.4, "s", "simulated after the plan has ended and the block should lie", ge=0, le=600)
 
     @model_validator(mode="after")
     def _nothing_before_switch_on(self) -> Simulation:
@@ -134,7 +132,7 @@ class Scenario(Section):
     def _consistent(self) -> Scenario:
         values = self.controller.nominal_inertia
         if self.arm.file is None and values is not None and len(values) != len(JOINTS):
-            valid = f"a number above 0 [kg m2] for each joint {' '.join(JOINTS)}, or null"
+            valid = f"a number for each joint {' '.join(JOINTS)}, or null"
             raise invalid("controller.nominal_inertia", values, valid)
         check_nyquist(self.one_dof, self.frequency)
         self.joints.check(self.simulation.contact_approximation, None if self.arm.file else JOINTS)
@@ -174,6 +172,12 @@ class Scenario(Section):
 def field_paths() -> list[str]:
     """All field paths of a Scenario in order: 'arm.link_inertia_scale', …"""
     return list(fields_of(Scenario))
+
+
+def value_of(scenario: Scenario, path: str) -> Any:
+    """A field by its path."""
+    section, name = path.split(".")
+    return getattr(getattr(scenario, section), name)
 
 
 def from_mapping(data: Mapping[str, Any]) -> Scenario:

@@ -5,9 +5,10 @@ Whatever is wrong ends in a one-line `ScenarioError`: the path of the field, the
 """
 
 import difflib
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from types import NoneType, UnionType
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -19,10 +20,14 @@ from flipdiagram.scenario.yaml_reader import show
 
 Model = TypeVar("Model", bound=BaseModel)
 BOUNDS = {"gt": "above", "ge": "of at least", "lt": "below", "le": "of at most"}
+"""Words for one bound; two that are both allowed are 'from low to high'."""
 
 
 def quantity(default: Any, unit: str, text: str, **bounds: Any) -> Any:
-    """A field with a unit, '1' for a pure number, which `unit_of` tells; bounds are pydantic's gt, ge, lt, le."""
+    """A field with a unit, '1' for a pure number, which `unit_of` tells; bounds are pydantic's gt, ge, lt, le.
+
+    Those of a list of numbers stand at its items: tuple[Annotated[float, Field(ge=0, le=1)], ...].
+    """
     return Field(default, description=text, json_schema_extra={"unit": unit}, **bounds)
 
 
@@ -32,8 +37,10 @@ def unit_of(field: FieldInfo) -> str:
 
 
 def explain(field: FieldInfo) -> str:
-    """What a field is, 'text [unit]', for comments and help."""
-    return f"{field.description or ''} [{unit_of(field)}]" if unit_of(field) else field.description or ""
+    """What a field is, 'text [unit, lowest to highest]', for comments and help."""
+    spans = [f"{low:.10g} to {high:.10g}" for low, high in dict.fromkeys(spans_of(field))]
+    unit = ", ".join(word for word in (unit_of(field), " or ".join(spans)) if word)
+    return f"{field.description or ''} [{unit}]" if unit else field.description or ""
 
 
 class Section(BaseModel):
@@ -48,13 +55,6 @@ class Section(BaseModel):
         if isinstance(data, Mapping):
             return {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}
         return data
-
-    def require_positive(self, fields: tuple[str, ...], valid: str) -> None:
-        """For a validator: each of the fields is None or a list of numbers above 0, at least one."""
-        for name in fields:
-            values = getattr(self, name)
-            if values is not None and (not values or min(values) <= 0):
-                raise invalid(name, values, valid)
 
 
 def invalid(field: str, value: Any, valid: str) -> PydanticCustomError:
@@ -144,15 +144,47 @@ def unknown_field(model: type[BaseModel], path: str) -> ScenarioError:
 
 
 def describe_valid(field: FieldInfo) -> str:
-    """What a field accepts, in words: 'a finite number above 0 [kg]'."""
-    annotation, optional = field.annotation, False
-    if get_origin(annotation) in (Union, UnionType):
-        optional = NoneType in get_args(annotation)
-        (annotation,) = (kind for kind in get_args(annotation) if kind is not NoneType)
-    bounds = [f"{BOUNDS[b]} {getattr(limit, b):g}" for limit in field.metadata for b in BOUNDS if hasattr(limit, b)]
+    """What a field accepts, in words: 'a finite number from 0.0001 to 50 [kg]'."""
+    kind, optional = _kind(field)
     unit = f"[{unit_of(field)}]" if unit_of(field) not in ("", "1") else ""
-    words = [_describe_type(annotation), " and ".join(bounds), unit]
-    return " ".join(word for word in words if word) + (", or null" if optional else "")
+    words = [_describe_type(kind), _describe_bounds(_bounds(field.metadata)), unit]
+    some = ", at least one" if get_args(kind)[1:] == (...,) else ""
+    return " ".join(word for word in words if word) + some + (", or null" if optional else "")
+
+
+def spans_of(field: FieldInfo) -> list[tuple[float, float]]:
+    """Lowest and highest of each number that a field holds, once for a list of any length; none of no number."""
+    kind, _ = _kind(field)
+    numbers = get_args(kind) if get_origin(kind) is tuple else (kind,)
+    limits = [_item(number) for number in numbers if number is not ...]
+    found = [field.metadata if own is None else own for base, own in limits if base in (float, int)]
+    return [
+        (bounds.get("ge", bounds.get("gt", -math.inf)), bounds.get("le", bounds.get("lt", math.inf)))
+        for bounds in map(_bounds, found)
+    ]
+
+
+def _kind(field: FieldInfo) -> tuple[Any, bool]:
+    """The type of a field without None, and whether it may be None."""
+    if get_origin(field.annotation) not in (Union, UnionType):
+        return field.annotation, False
+    (kind,) = (kind for kind in get_args(field.annotation) if kind is not NoneType)
+    return kind, NoneType in get_args(field.annotation)
+
+
+def _item(kind: Any) -> tuple[Any, list[Any] | None]:
+    """The type of an item of a list, and what restricts it, None where it is not annotated."""
+    return (get_args(kind)[0], get_args(kind)[1].metadata) if get_origin(kind) is Annotated else (kind, None)
+
+
+def _bounds(limits: Iterable[Any]) -> dict[str, float]:
+    return {bound: getattr(limit, bound) for limit in limits for bound in BOUNDS if hasattr(limit, bound)}
+
+
+def _describe_bounds(bounds: Mapping[str, float]) -> str:
+    if bounds.keys() == {"ge", "le"}:
+        return f"from {bounds['ge']:.10g} to {bounds['le']:.10g}"
+    return " and ".join(f"{BOUNDS[bound]} {value:g}" for bound, value in bounds.items())
 
 
 def _describe_type(kind: Any) -> str:
@@ -160,6 +192,8 @@ def _describe_type(kind: Any) -> str:
         return "one of " + ", ".join(str(choice) for choice in get_args(kind))
     if get_origin(kind) is tuple:
         first, *others = get_args(kind)
+        base, limits = _item(first)
         count = "a list of" if others == [...] else f"a list of {1 + len(others)}"
-        return f"{count} {_describe_type(first).removeprefix('a ')}s"
+        words = [f"{_describe_type(base).removeprefix('a ')}s", _describe_bounds(_bounds(limits or ()))]
+        return " ".join([count, *filter(None, words)])
     return {float: "a finite number", int: "a whole number", bool: "true or false", str: "a text"}[kind]

@@ -3,7 +3,8 @@
 from pathlib import Path
 from typing import Any
 
-from flipdiagram.studies.study import ARCHITECTURE, JOBS, Later, Option, Study, flag, nothing, positive
+from flipdiagram.scenario.work import frequency_work, place_work
+from flipdiagram.studies.study import ARCHITECTURE, JOBS, YES, Later, Option, Study, flag, nothing, positive
 
 _MAPS = "disturbance, payload, clearance, gains, cone, inertia, sensing, variations (all)"
 _EXPORT = "write a campaign.sqlite as .csv, .parquet or .nc"
@@ -39,6 +40,7 @@ _RECORDS = (
         flag("--quick", "fewer frequencies, no table of realisations"),
         stored=Later("studies.frequency.run:stored"),
         alone=True,
+        work=frequency_work,
         written=lambda summary, out: (
             f"{summary['channel_steps'] / 1e6:.0f} M channel-steps in {summary['seconds']:.1f} s; written to {out}"
         ),
@@ -70,7 +72,7 @@ _RECORDS = (
         "engines",
         "Fly a campaign's worlds in Drake and in MuJoCo: do they agree?",
         Option("file", nargs="?", metavar="FILE", help="the campaign as YAML, see examples/campaign.yaml"),
-        flag("--yes", "even if it takes longer than limit_hours"),
+        YES,
         JOBS,
     ),
     _study(
@@ -78,7 +80,7 @@ _RECORDS = (
         "Find the worlds that explain what the paper measured.",
         Option("file", nargs="?", metavar="FILE", help="priors as YAML, see examples/calibration.yaml"),
         _SCHEDULER,
-        flag("--yes", "even if it takes longer than limit_hours"),
+        YES,
         JOBS,
     ),
     _study(
@@ -86,7 +88,7 @@ _RECORDS = (
         "Search worlds in which only the observers keep the block.",
         Option("file", nargs="?", metavar="FILE", help="the box of worlds as YAML, see examples/inverse.yaml"),
         _SCHEDULER,
-        flag("--yes", "even if it takes longer than limit_hours"),
+        YES,
         JOBS,
     ),
     _study(
@@ -96,6 +98,7 @@ _RECORDS = (
         flag("--no-replay", "no replay.html", to=("figures",)),
         JOBS,
         success=("object", "laid down"),
+        work=place_work,
     ),
     _study(
         "campaign",
@@ -103,7 +106,7 @@ _RECORDS = (
         _FILE,
         flag("--resume", "go on with what --out holds: fly what is missing"),
         _SCHEDULER,
-        flag("--yes", "even if it takes longer than limit_hours"),
+        YES,
         flag("--any-version", "go on although code or versions have changed"),
         flag("--tune", "search the gains of the file's section `tune` instead", to=()),
         Option("--watch", to=("instead",), type=Path, metavar="FILE", help="show a running campaign.sqlite"),

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from flipdiagram.scenario.scenario import ARCHITECTURES
+from flipdiagram.scenario.work import Work, flip_work
+from flipdiagram.scenario.yaml_reader import show
 
 Summary = Mapping[str, Any]
 """summary.json as read."""
@@ -51,12 +53,16 @@ def architecture(name: str) -> str:
     return name
 
 
+MOST = 1000
+"""Processes side by side, or points of an axis."""
+
+
 def positive(text: str) -> int:
-    """A whole number above 0, as argparse's `type`."""
+    """A whole number from 1 to `MOST`, as argparse's `type`."""
     with suppress(ValueError):
-        if (number := int(text)) > 0:
+        if 0 < (number := int(text)) <= MOST:
             return number
-    raise argparse.ArgumentTypeError(f"'{text}' is not valid; valid is a whole number above 0")
+    raise argparse.ArgumentTypeError(f"{show(text)} is not valid; valid is a whole number from 1 to {MOST}")
 
 
 class _Each(argparse.Action):
@@ -76,6 +82,7 @@ ARCHITECTURE = Option(
     metavar="A",
     help=f"controllers to run (all of {', '.join(ARCHITECTURES)})",
 )
+YES = flag("--yes", "even if it takes longer than limit_hours, or a flip than half an hour")
 JOBS = Option("--jobs", type=positive, metavar="N", help="processes side by side (one per core)")
 
 
@@ -103,6 +110,7 @@ class Study:
         otherwise: {option: study} that runs in its place where the option is given.
         stored: stored(scenario, out, **options) gives the summary of an earlier run that would come out the same.
         alone: whether a run needs its folder for itself.
+        work: what one of its runs costs, by the fields of the scenario; above a limit it needs --yes.
         written: written(summary, out) is the last line.
     """
 
@@ -120,6 +128,7 @@ class Study:
     otherwise: Mapping[str, str] = field(default_factory=dict)
     stored: Callable[..., Any] | None = None
     alone: bool = False
+    work: Work = flip_work
     written: Callable[[Summary, Path], str] = lambda summary, out: f"written to {out}"
 
     @property

@@ -33,7 +33,7 @@ trials: 8
         ),
         (("object.friction:", "frequency.gains:"), 4, ["frequency.gains", "does not exist"]),
         (("object.friction:", "one_dof.mass:"), 4, ["section III"]),
-        (("[0.5, 2.0]", "[-0.5, 2.0]"), 4, ["'object.friction' = -0.5", "above 0"]),
+        (("[0.5, 2.0]", "[-0.5, 2.0]"), 4, ["'object.friction' = -0.5", "from 0.01 to 100"]),
         (("[0.5, 2.0]", "[2.0, 0.5]"), 4, ["low < high"]),
         (("uniform", "gauss"), 4, ["'gauss' is no distribution"]),
         (("choice: [0.05, 0.06]", "choice: [0.05, heavy]"), 5, ["'object.mass' = 'heavy'"]),
@@ -145,7 +145,7 @@ def test_noise_of_a_trial_has_its_seed_whatever_the_architecture_unless_the_file
 def test_noise_that_cannot_be_is_refused_with_its_line():
     text = GOOD.replace("object.mass: {choice: [0.05, 0.06]}", "sensors.velocity_noise: {uniform: [-1.0, 1.0]}")
     with pytest.raises(
-        InputError, match=r"line 5: .*'sensors.velocity_noise' = -1.0 is not valid; valid is .* at least 0"
+        InputError, match=r"line 5: .*'sensors.velocity_noise' = -1.0 is not valid; valid is .* from 0 to 100"
     ):
         from_text(text, "mine.yaml")
 

@@ -52,7 +52,7 @@ def test_scenario_prints_the_defaults_as_yaml():
     done = run("scenario")
     assert (done.returncode, done.stderr) == (0, "")
     assert from_yaml(done.stdout) == Scenario()
-    assert "[kg]" in done.stdout
+    assert "[kg, 0.0001 to 50]" in done.stdout
 
 
 def test_version_names_both():
@@ -117,13 +117,13 @@ BAD = {
     "stray word": (["flip", "now"], "now"),
     "unknown architecture": (["flip", "--architecture", "pid"], "'pid'", "pd, pd+ff, pd+dob, pd+ff+dob"),
     "no architecture": (["flip", "--architecture"], "--architecture"),
-    "no jobs": (["flip", "--jobs", "0"], "'0'", "whole number above 0"),
+    "no jobs": (["flip", "--jobs", "0"], "'0'", "a whole number from 1 to 1000"),
     "unknown field": (["flip", "--controller.kp", "1"], "did you mean 'controller.k_p'?"),
     "unknown section": (["plan", "--controler.k_p", "1"], "did you mean 'controller.k_p'?"),
     "field without a value": (["plan", "--controller.k_p"], "--controller.k_p VALUE"),
     "field followed by an option": (["plan", "--controller.k_p", "--quiet"], "--controller.k_p VALUE"),
     "field with half a list": (["plan", "--task.workspace_y", "[1"], "'task.workspace_y' = '[1'", "YAML"),
-    "negative mass": (["plan", "--object.mass", "-1"], "'object.mass' = -1", "above 0 [kg]"),
+    "negative mass": (["plan", "--object.mass", "-1"], "'object.mass' = -1", "from 0.0001 to 50 [kg]"),
     "start outside": (["flip", "--start-y", "9"], "'task.start_y' = 9.0", "-0.35 to 0.35 [m]"),
     "file missing": (["flip", "--scenario", "none.yaml"], "'none.yaml'", "No such file"),
     "file no mapping": (["flip", "--scenario", "list.yaml"], "'list.yaml'", "[1, 2]", "no mapping"),
@@ -144,7 +144,7 @@ def test_bad_input_ends_with_2_and_one_line_and_leaves_nothing(in_process, tmp_p
 
 
 def test_a_bad_scenario_in_a_process_of_its_own():
-    assert_one_line(run("plan", "--object.mass=.nan"), 2, "'object.mass' = nan", "above 0 [kg]")
+    assert_one_line(run("plan", "--object.mass=.nan"), 2, "'object.mass' = nan", "from 0.0001 to 50 [kg]")
 
 
 @pytest.mark.parametrize("error", [PlanningError, SimulationError])

@@ -106,7 +106,7 @@ def test_the_controller_answers_to_the_state_with_the_noise_of_that_tick(delay, 
         ("sensors: {position_noise: -1e-4}", ["'sensors.position_noise'", "at least 0 [rad]"]),
         ("sensors: {position_noise: null}", ["'sensors.position_noise' = null"]),
         ("sensors: {velocity_noise: .inf}", ["'sensors.velocity_noise' = inf", "[rad/s]"]),
-        ("sensors: {noise_seed: -1}", ["'sensors.noise_seed' = -1", "a whole number of at least 0"]),
+        ("sensors: {noise_seed: -1}", ["'sensors.noise_seed' = -1", "a whole number from 0 to 4294967295"]),
         ("sensors: {noise_seed: 0.5}", ["'sensors.noise_seed' = 0.5", "whole number"]),
     ],
 )

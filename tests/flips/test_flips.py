@@ -219,7 +219,7 @@ def flips():
     near = IDEAL.with_overrides(SHORT)
     far = near.with_overrides({"planner.table_clearance": 0.3})
     wild = near.with_overrides(
-        {"simulation.start": "hold", "controller.k_p": 1e12, "controller.k_v": 1e9, "arm.torque_scale": 1e6}
+        {"simulation.start": "hold", "controller.k_p": 1e8, "controller.k_v": 1e6, "arm.torque_scale": 1e4}
     )
     return [
         Flip(near, "pd+ff+dob", "a.nc"),
@@ -371,7 +371,7 @@ def test_a_killed_command_goes_on_where_it_was(tmp_path):
 
     done = subprocess.run([*COMMAND, "--out", str(killed)], capture_output=True, text=True, timeout=HUNG)
     assert done.returncode == 0, done.stderr
-    assert "2 flips, 1 of them to be run" in done.stderr
+    assert done.stderr == ""
     after = finished(killed)
     assert len(after) == 4  # each once more in MuJoCo
     # the seconds a flip took would differ if it had been run again

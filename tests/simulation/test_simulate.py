@@ -139,7 +139,7 @@ def test_progress_runs_to_one(plan):
 
 
 def test_a_diverging_loop_ends_with_one_line(plan):
-    scenario = IDEAL.with_overrides({"controller.k_v": 1e9, "arm.torque_scale": 1e12, "simulation.hold_time": 0.5})
+    scenario = IDEAL.with_overrides({"controller.k_v": 1e6, "arm.torque_scale": 1e4, "simulation.hold_time": 0.5})
     with pytest.raises(SimulationError, match="diverged before") as caught:
         simulate(scenario, "pd", plan)
     assert "\n" not in str(caught.value)

@@ -11,7 +11,7 @@ import numpy as np
 from flipdiagram.arrays import Floats
 from flipdiagram.campaign.checks import changes_of, check_estimate
 from flipdiagram.campaign.run import WORK
-from flipdiagram.campaign.specification import Specification, value_of
+from flipdiagram.campaign.specification import Specification
 from flipdiagram.errors import InputError
 from flipdiagram.files import plain, write_atomically, write_summary
 from flipdiagram.flips.driver import Flying
@@ -19,7 +19,7 @@ from flipdiagram.flips.flight import Work
 from flipdiagram.flips.run import Clock
 from flipdiagram.flips.store_file import open_to_write
 from flipdiagram.flips.workers import workers_of
-from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.scenario.scenario import Scenario, value_of
 from flipdiagram.studies.calibrate import inference
 from flipdiagram.studies.calibrate.inference import Population
 from flipdiagram.studies.calibrate.observations import (

@@ -10,7 +10,6 @@ import numpy as np
 
 from flipdiagram.campaign.checks import changes_of, check_estimate, load_specification
 from flipdiagram.campaign.run import WORK
-from flipdiagram.campaign.specification import value_of
 from flipdiagram.campaign.statistics import success_rate
 from flipdiagram.errors import InputError
 from flipdiagram.files import plain, write_summary
@@ -18,7 +17,7 @@ from flipdiagram.flips.driver import Flying, fly_all
 from flipdiagram.flips.flight import Work
 from flipdiagram.flips.store_file import open_to_write
 from flipdiagram.flips.workers import workers_of
-from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.scenario.scenario import Scenario, value_of
 from flipdiagram.studies.inverse.search import STAGES, Search, World
 from flipdiagram.studies.study import Progress, silent
 

@@ -8,12 +8,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from flipdiagram.campaign.specification import Dimension, Specification, value_of
+from flipdiagram.campaign.specification import Dimension, Specification
 from flipdiagram.errors import InputError
 from flipdiagram.flips.driver import Flying
 from flipdiagram.flips.flight import Flight
 from flipdiagram.flips.outcome import SUCCESS, Outcome
 from flipdiagram.flips.run import fly_kept
+from flipdiagram.scenario.scenario import value_of
 from flipdiagram.simulation.verdict import SLIDES
 
 STAGES: tuple[tuple[str, tuple[str, ...]], ...] = (

@@ -21,12 +21,12 @@ PAPER = Scenario()
 @pytest.mark.parametrize(
     ("words", "code", "parts"),
     [
-        (["--frequency.omega", "[1, 0]"], 2, ["frequency.omega", "above 0 [rad/s]"]),
+        (["--frequency.omega", "[1, 0]"], 2, ["frequency.omega", "0.0001 to 1000000 [rad/s]"]),
         (["--frequency.omega=[40000]"], 2, ["frequency.omega", "below the Nyquist frequency", "31415.9"]),
         (["--frequency.highest=40000"], 2, ["frequency.highest", "Nyquist"]),
-        (["--frequency.lowest=-1"], 2, ["frequency.lowest", "above 0"]),
+        (["--frequency.lowest=-1"], 2, ["frequency.lowest", "from 0.0001"]),
         (["--frequency.lowest=6000"], 2, ["frequency.highest", "above frequency.lowest"]),
-        (["--one_dof.k_p=-900"], 2, ["one_dof.k_p", "at least 0"]),
+        (["--one_dof.k_p=-900"], 2, ["one_dof.k_p", "from 0 to 100000000"]),
         (["--one_dof.viscous=1000"], 2, ["one_dof.viscous", "at most"]),
         (["--one_dof.friction_model=tanh"], 2, ["signum, stick-slip"]),
         (["--frequency.g_dis=[]"], 2, ["frequency.g_dis", "at least one"]),
