@@ -25,7 +25,7 @@ from pydrake.symbolic import Expression
 from flipdiagram.arrays import Array
 from flipdiagram.errors import InputError
 from flipdiagram.robot import inverse_kinematics, task_space
-from flipdiagram.robot.arm_spec import ArmSpec
+from flipdiagram.robot.arm_spec import ArmSpec, file_error
 from flipdiagram.robot.assembly import add_arm
 from flipdiagram.robot.task_space import AXES
 
@@ -42,12 +42,14 @@ class ArmModel:
 
     def __init__(self, spec: ArmSpec | None = None) -> None:
         """The arm of a spec, by default mh3f.urdf with spatula.urdf."""
-        plant = MultibodyPlant(0.0)
-        handles = self.handles = add_arm(plant, spec or ArmSpec())
+        plant, spec = MultibodyPlant(0.0), spec or ArmSpec()
+        handles = self.handles = add_arm(plant, spec)
         plant.Finalize()
         by_name = {name: plant.GetJointByName(name, handles.arm) for name in handles.rated_torques}
         self.joint_names = tuple(sorted(by_name, key=lambda name: by_name[name].velocity_start()))
         self.n_joints = plant.num_velocities()
+        if self.n_joints != len(by_name):
+            raise file_error(spec.arm, "has links that float", "links that the base carries")
         if self.n_joints < len(AXES):
             raise InputError(f"the arm has {self.n_joints} moving joints; valid are at least {len(AXES)}")
         # a joint that turns without end may turn once either way
@@ -59,7 +61,7 @@ class ArmModel:
         actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
         ratios = {actuator.joint().name(): actuator.default_gear_ratio() for actuator in actuators}
         of_file = [ratios.get(name, 1.0) for name in self.joint_names]
-        given = spec.arm.gear_ratios if spec is not None else None
+        given = spec.arm.gear_ratios
         self._gear_ratios = np.array(of_file if given is None else given)
         self._bind(plant, float)
         self.knows_home = handles.home is not None

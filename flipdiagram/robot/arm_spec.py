@@ -4,12 +4,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from flipdiagram.errors import InputError
+from flipdiagram.files import check_file
+from flipdiagram.robot.model_xml import model_error
 from flipdiagram.scenario.cell import Arm
 
-FORMATS = (".urdf", ".sdf", ".xml")
-"""URDF, SDF, and MJCF, whose files end in .xml."""
+FORMATS = {".urdf": "urdf", ".sdf": "sdf", ".xml": "mjcf"}
+"""Format by the end of a file's name."""
 
 
 @dataclass(frozen=True)
@@ -18,7 +21,7 @@ class ArmSpec:
 
     The numbers of an arm's own file are scaled; its factors per joint go from base to flange and multiply those of its
     link and rotor.  torque_scale acts on the peak alone: friction is a fraction of the rated torque, which stays.
-    InputError for a bad height, or a file of the user's own that is not there or of no known format.
+    InputError for a bad height, or a file of the user's own that is none or of no known format.
     """
 
     arm: Arm = Arm()
@@ -29,9 +32,9 @@ class ArmSpec:
         if not 0 <= self.tool_height < math.inf:
             raise InputError.of("tool_height", self.tool_height, "a number of at least 0")
         if self.arm.file is not None and self.suffix not in FORMATS:
-            raise file_error(self.arm, "is of no known format; valid is " + ", ".join(FORMATS), FORMATS)
-        if self.arm.file is not None and not Path(self.arm.file).is_file():
-            raise file_error(self.arm, "cannot be read; valid is an existing file", "an existing file")
+            raise file_error(self.arm, "is of no known format", ", ".join(FORMATS))
+        if self.arm.file is not None:
+            check_file(self.arm.file, "arm.file =", "a URDF, SDF or MJCF")
 
     @property
     def suffix(self) -> str:
@@ -39,9 +42,9 @@ class ArmSpec:
         return Path(self.arm.file or "mh3f.urdf").suffix.lower()
 
 
-def file_error(arm: Arm, problem: str, valid: object = None) -> InputError:
-    """The error of an arm's file: "arm.file = 'a.urdf' …"."""
-    return InputError(f"arm.file = '{arm.file}' {problem}", field="arm.file", value=arm.file, valid=valid)
+def file_error(arm: Arm, problem: str, valid: Any) -> InputError:
+    """The error of an arm's file: "arm.file = 'a.urdf' <problem>; valid is …"."""
+    return model_error("arm.file", arm.file, problem, valid)
 
 
 def one_per_joint(field: str, given: Sequence[float] | None, joints: Sequence[str]) -> Sequence[float]:

@@ -1,6 +1,8 @@
 """Arm and spatula put into a MultibodyPlant: the one place where the cell and `ArmModel` get them from."""
 
-from collections.abc import Callable, Mapping, Sequence
+import logging
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,10 +11,11 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, Frame, Joint, ModelInstanceIndex, RigidBody, WeldJoint
 
-from flipdiagram.errors import InputError
-from flipdiagram.robot.arm_spec import ArmSpec, file_error, one_per_joint
+from flipdiagram.errors import InputError, first_line
+from flipdiagram.robot.arm_spec import FORMATS, ArmSpec, file_error, one_per_joint
 from flipdiagram.robot.model_files import arm_urdf, model_path
-from flipdiagram.robot.own_files import JointNumbers, chain_between, joint_numbers
+from flipdiagram.robot.model_xml import JOINT_TYPES, read_model
+from flipdiagram.robot.own_files import JointNumbers, chain_between, check_uncoupled, joint_numbers
 from flipdiagram.scenario.cell import OWN_ARM, Arm
 
 UNSCALED = {"reflected_inertia_scale": 1.0, "reflected_inertia_scales": None, "speed_scale": 1.0, "torque_scale": 1.0}
@@ -49,12 +52,8 @@ def add_arm(plant: MultibodyPlant, spec: ArmSpec) -> ArmHandles:
     plant.WeldFrames(plant.world_frame(), base, X_WB)
 
     text = spec.spatula or model_path("spatula.urdf").read_text(encoding="utf-8")
-    kind = "sdf" if "<sdf" in text else "urdf"
-    body = add_body(plant, "the tool's model", lambda parser: parser.AddModelsFromString(text, kind))
+    body, tool = add_tool(plant, text)
     tool_model = body.model_instance()
-    if not plant.HasFrameNamed("tool", tool_model):
-        raise InputError("the tool's model lacks a frame; valid is one body and a frame 'tool'")
-    tool = plant.GetFrameByName("tool", tool_model)
     plant.WeldFrames(flange, body.body_frame(), RigidTransform(R_FS, np.zeros(3)))
     X_TC = RigidTransform([0.0, 0.0, spec.tool_height])
     return ArmHandles(
@@ -70,13 +69,20 @@ def add_arm(plant: MultibodyPlant, spec: ArmSpec) -> ArmHandles:
     )
 
 
+def add_tool(plant: MultibodyPlant, text: str, what: str = "the tool's model") -> tuple[RigidBody, Frame]:
+    """The body of a tool, from its URDF or SDF, and its frame "tool"; an InputError begins with `what`."""
+    kind = "sdf" if text.startswith("<sdf") else "urdf"
+    body = add_body(plant, what, lambda parser: parser.AddModelsFromString(text, kind))
+    if not plant.HasFrameNamed("tool", body.model_instance()):
+        raise InputError(f"{what} lacks a frame; valid is one body and a frame 'tool'", field="tool.file")
+    return body, plant.GetFrameByName("tool", body.model_instance())
+
+
 def _add_urdf(plant: MultibodyPlant, arm: Arm) -> tuple[ModelInstanceIndex, JointNumbers]:
     """The arm from its scaled URDF, and what that says of the moving joints."""
     text = arm_urdf(arm)
-    try:
+    with drake_reads(f"arm.file = '{arm.file}'"):
         (instance,) = Parser(plant).AddModelsFromString(text, "urdf")
-    except RuntimeError as error:
-        raise file_error(arm, f"cannot be read: {error}") from None
     return instance, joint_numbers(text, [joint.name() for joint in _moving(plant, instance)])
 
 
@@ -88,11 +94,10 @@ def _add_own(plant: MultibodyPlant, arm: Arm, suffix: str) -> tuple[ModelInstanc
     else:
         if arm.link_inertia_scale != 1.0 or arm.link_inertia_scales is not None:
             raise InputError(f"arm.link_inertia_scale needs a URDF; valid is 1 for arm.file = '{arm.file}'")
-        try:
-            instance = Parser(plant).AddModels(arm.file)[0]
-        except (RuntimeError, IndexError) as error:
-            raise file_error(arm, f"cannot be read: {error}") from None
-        _keep_the_chain(plant, instance, arm)
+        model = read_model("arm.file", str(arm.file), (FORMATS[suffix],))
+        with drake_reads(f"arm.file = '{arm.file}'"):
+            (instance,) = Parser(plant).AddModels(arm.file)
+        check_uncoupled(arm, model.root, _keep_the_chain(plant, instance, arm))
         numbers = JointNumbers({}, {}, None)
     joints = _moving(plant, instance)
     names = [joint.name() for joint in joints]
@@ -133,7 +138,7 @@ def _actuate(
         limit = (arm.torque_limits[k] if arm.torque_limits else peak) * arm.torque_scale
         if not (np.isfinite(limit) and limit > 0):
             valid = f"one per joint in the file or in arm.torque_limits, {' '.join(names)}"
-            raise file_error(arm, f"lacks a limit: joint '{name}' has no torque limit; valid is {valid}", valid)
+            raise file_error(arm, f"lacks a limit: joint '{name}' has no torque limit", valid)
         limits[name] = float(limit)
         actuator = plant.AddJointActuator(name, joint, limits[name])
         actuator.set_default_gear_ratio(ratio)
@@ -144,32 +149,59 @@ def _actuate(
     return limits
 
 
-def _keep_the_chain(plant: MultibodyPlant, instance: ModelInstanceIndex, arm: Arm) -> None:
-    """Leave the joints between base and flange: weld others that move, and remove what carries the base itself."""
+def _keep_the_chain(plant: MultibodyPlant, instance: ModelInstanceIndex, arm: Arm) -> list[str]:
+    """Leave the joints between base and flange, whose names it returns: weld others that move, and remove constraints
+    and what carries the base itself.
+    """
     for name in (arm.base, arm.flange):
         if not plant.HasFrameNamed(name, instance):
-            raise file_error(arm, f"has no link or frame '{name}'; valid is an arm with both")
-    joints = [plant.get_joint(i) for i in plant.GetJointIndices(instance)]
-    by_child = {joint.child_body().index(): (joint, joint.parent_body().index()) for joint in joints}
+            raise file_error(arm, f"has no link or frame '{name}'", "an arm with both")
+    joints = {joint.name(): joint for joint in (plant.get_joint(i) for i in plant.GetJointIndices(instance))}
+    ends = {name: (joint.parent_body().index(), joint.child_body().index()) for name, joint in joints.items()}
     base, flange = (plant.GetFrameByName(name, instance).body().index() for name in (arm.base, arm.flange))
-    chain = {joint.name() for joint in chain_between(arm, by_child, base, flange)}
+    chain = chain_between(arm, ends, base, flange)
+    for name in chain:
+        if joints[name].num_velocities() > 1 or joints[name].type_name() == "screw":
+            kind = joints[name].type_name()
+            raise file_error(arm, f"has a joint '{name}' of type '{kind}' in its chain", ", ".join(JOINT_TYPES))
+    for index in plant.GetConstraintIds():
+        plant.RemoveConstraint(index)
     for actuator in [plant.get_joint_actuator(i) for i in plant.GetJointActuatorIndices()]:
         if actuator.joint().name() not in chain:
             plant.RemoveJointActuator(actuator)
-    if base in by_child:  # such as a joint that fixes the base to the world: its place is the scenario's
-        plant.RemoveJoint(by_child[base][0])
+    for name, (parent, child) in ends.items():
+        if child == base:  # such as a joint that fixes the base to the world: its place is the scenario's
+            if parent != plant.world_body().index():
+                carrier = plant.get_body(parent).name()
+                raise file_error(arm, f"has its base '{arm.base}' on '{carrier}'", "a base that nothing carries")
+            plant.RemoveJoint(joints[name])
     for joint in [joint for joint in _moving(plant, instance) if joint.name() not in chain]:
         weld = WeldJoint(f"{joint.name()}_fixed", joint.frame_on_parent(), joint.frame_on_child(), RigidTransform())
         plant.RemoveJoint(joint)
         plant.AddJoint(weld)
+    return chain
+
+
+@contextmanager
+def drake_reads(what: str) -> Iterator[None]:
+    """InputError, one line that begins with `what`, where Drake refuses a model; its warnings, which the check of the
+    file has answered, are not shown.
+    """
+    log = logging.getLogger("drake")
+    level = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        yield
+    except (RuntimeError, ValueError, IndexError, SystemExit) as error:  # SystemExit: an assertion of Drake's failed
+        raise InputError(f"{what} cannot be read: {first_line(error)}") from None
+    finally:
+        log.setLevel(level)
 
 
 def add_body(plant: MultibodyPlant, what: str, add: Callable[[Parser], list[ModelInstanceIndex]]) -> RigidBody:
     """The one body of a model; InputError that begins with `what` where it cannot be read or has another number."""
-    try:
+    with drake_reads(what):
         (instance,) = add(Parser(plant))
-    except (RuntimeError, ValueError) as error:
-        raise InputError(f"{what} cannot be read: {error}") from None
     bodies = [plant.get_body(i) for i in plant.GetBodyIndices(instance)]
     if len(bodies) != 1:
         raise InputError(f"{what} has {len(bodies)} bodies; valid is one")

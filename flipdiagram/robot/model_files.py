@@ -14,6 +14,7 @@ import numpy as np
 from flipdiagram.arrays import Array
 from flipdiagram.errors import InputError
 from flipdiagram.robot.arm_spec import one_per_joint
+from flipdiagram.robot.model_xml import read_model
 from flipdiagram.robot.own_files import prepare_urdf
 from flipdiagram.scenario.cell import Arm
 from flipdiagram.scenario.scenario import Scenario
@@ -46,8 +47,10 @@ def model_path(name: str) -> Path:
 
 def arm_urdf(arm: Arm) -> str:
     """URDF text of the arm with its numbers scaled."""
-    root = _parse(model_path("mh3f.urdf") if arm.file is None else Path(arm.file))
-    if arm.file is not None:
+    if arm.file is None:
+        root = _parse(model_path("mh3f.urdf"))
+    else:
+        root = read_model("arm.file", arm.file, ("urdf",)).root
         prepare_urdf(root, arm, Path(arm.file).parent)
     joints = [joint for joint in root.iterfind("joint") if joint.get("type") != "fixed"]
     names = [joint.attrib["name"] for joint in joints]
@@ -139,12 +142,7 @@ def box_inertia(mass: float, size: Sequence[float]) -> Array:
 
 
 def _parse(path: Path) -> ElementTree.Element:
-    try:
-        return ElementTree.parse(path).getroot()
-    except OSError as error:
-        raise InputError(f"cannot read the model file '{path}': {error.strerror}") from None
-    except ElementTree.ParseError as error:
-        raise InputError(f"the model file '{path}' is not valid XML: {error}") from None
+    return ElementTree.parse(path).getroot()
 
 
 def _find(root: ElementTree.Element, path: str) -> ElementTree.Element:

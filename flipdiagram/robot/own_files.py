@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from flipdiagram.robot.arm_spec import file_error
+from flipdiagram.robot.model_xml import JOINT_TYPES, check_tree
 from flipdiagram.scenario.cell import Arm
 
 DRAWABLE = (".obj", ".gltf", ".vtk")
@@ -38,40 +39,72 @@ def prepare_urdf(root: ElementTree.Element, arm: Arm, folder: Path) -> None:
 
     InputError without base, flange or a chain between them.
     """
-    joints = list(root.iterfind("joint"))
-    by_child = {_link(joint, "child"): (joint, _link(joint, "parent")) for joint in joints}
+    joints = {joint.attrib["name"]: joint for joint in root.iterfind("joint")}
+    ends = {name: (_link(joint, "parent"), _link(joint, "child")) for name, joint in joints.items()}
     links = {link.attrib["name"]: link for link in root.iterfind("link")}
     frames = {frame.attrib["name"]: frame.attrib.get("link", "") for frame in root.iterfind("frame")}
     for name in (arm.base, arm.flange):
         if name not in links and name not in frames:
-            raise file_error(arm, f"has no link or frame '{name}'; choose from {', '.join([*links, *frames])}")
+            raise file_error(arm, f"has no link or frame '{name}'", [*links, *frames])
     base, flange = (frames.get(name, name) for name in (arm.base, arm.flange))
-    chain = chain_between(arm, by_child, base, flange)
-    if base in by_child:  # such as a joint that fixes the base to the world: its place is the scenario's
-        root.remove(by_child[base][0])
-        joints.remove(by_child[base][0])
-    if "world" in links:
-        root.remove(links["world"])
-    moving = tuple(joint.attrib["name"] for joint in chain if joint.attrib["type"] != "fixed")
-    for joint in joints:
+    moving = tuple(name for name in chain_between(arm, ends, base, flange) if joints[name].attrib["type"] != "fixed")
+    for name in moving:
+        if (kind := joints[name].attrib["type"]) not in JOINT_TYPES:
+            raise file_error(arm, f"has a joint '{name}' of type '{kind}' in its chain", ", ".join(JOINT_TYPES))
+    check_uncoupled(arm, root, moving)
+    _keep_what_stands_on(root, base, ends)
+    for joint in root.iterfind("joint"):
         _fix_unless(joint, moving)
     for transmission in list(root.iterfind("transmission")):
         driven = transmission.find("joint")
         if driven is None or driven.attrib.get("name") not in moving:
             root.remove(transmission)
-    for name, link in links.items():
-        _show_simply(link, [joint for joint in joints if _link(joint, "parent") == name], folder)
+    for link in root.iterfind("link"):
+        _show_simply(
+            link, [joints[name] for name, (parent, _) in ends.items() if parent == link.attrib["name"]], folder
+        )
 
 
-def chain_between(arm: Arm, by_child: Mapping[Any, tuple[Any, Any]], base: Any, flange: Any) -> list[Any]:
-    """The joints between an arm's flange and base; by_child: joint and parent by the link that the joint carries."""
+def chain_between(arm: Arm, ends: Mapping[str, tuple[Any, Any]], base: Any, flange: Any) -> list[str]:
+    """Names of the joints between an arm's flange and base; ends: parent and child link of every joint, by its name.
+
+    InputError unless the joints make a tree in which the base carries the flange.
+    """
+    check_tree("arm.file", arm.file, ends)
+    by_child = {child: (name, parent) for name, (parent, child) in ends.items()}
     joints = []
     while flange != base:
         if flange not in by_child:
-            raise file_error(arm, f"is no chain: '{arm.flange}' is not carried by '{arm.base}'; valid is one that is")
+            raise file_error(arm, f"is no chain: '{arm.flange}' is not carried by '{arm.base}'", "one that is")
         joint, flange = by_child[flange]
         joints.append(joint)
     return joints
+
+
+def check_uncoupled(arm: Arm, root: ElementTree.Element, chain: Iterable[str]) -> None:
+    """InputError where a joint of the chain, by name, moves with another: `mimic` of URDF and SDF, equality of MJCF."""
+    mimics = [joint for joint in root.iter("joint") if joint.find(".//mimic") is not None]
+    coupled = {joint.get("name"): "mimics another" for joint in mimics}
+    for equality in root.iterfind("equality/joint"):
+        coupled |= {equality.get(end): "stands in an equality" for end in ("joint1", "joint2")}
+    for name in chain:
+        if name in coupled:
+            raise file_error(arm, f"has a joint '{name}' that {coupled[name]}", "a drive for every joint of the chain")
+
+
+def _keep_what_stands_on(root: ElementTree.Element, base: str, ends: Mapping[str, tuple[str, str]]) -> None:
+    """Remove what the base does not carry, such as the world, as the scenario says where the base stands; and what is
+    Drake's own: joints of other kinds, constraints, springs.
+    """
+    kept, before = {base}, 0
+    while len(kept) > before:
+        before = len(kept)
+        kept |= {child for parent, child in ends.values() if parent in kept}
+    for element in list(root):
+        name = element.get("name", "")
+        places = {"link": name, "joint": ends.get(name, ("",))[0], "frame": element.get("link")}
+        if places.get(element.tag, base) not in kept or element.tag.startswith("{"):
+            root.remove(element)
 
 
 def joint_numbers(urdf: str, names: Iterable[str]) -> JointNumbers:

@@ -3,22 +3,20 @@
 import math
 from dataclasses import dataclass
 
-from pydrake.geometry import GeometrySet
+from pydrake.geometry import Role
 from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, RigidBody, SpatialInertia
+from pydrake.multibody.tree import RigidBody, SpatialInertia
 
-from flipdiagram.errors import InputError
-from flipdiagram.files import read_text
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.arm_spec import ArmSpec
 from flipdiagram.robot.assembly import ArmHandles, add_arm, add_body
 from flipdiagram.robot.gears import GearHandles, add_gears, gears_of
-from flipdiagram.robot.model_files import block_sdf, spatula_urdf, table_sdf
+from flipdiagram.robot.model_files import table_sdf
+from flipdiagram.robot.own_things import add_object, check_object, tool_text
 from flipdiagram.scenario.scenario import Scenario
 
-MASS_TOLERANCE = 0.01
-"""Relative difference allowed between the mass of an object's file and the scenario's."""
 PAYLOAD_RADIUS = 0.03
 """Radius [m] of the sphere that stands for an unknown payload."""
 
@@ -47,7 +45,7 @@ def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
         gears = add_gears(plant, arm, gears_of(scenario, rigid), rigid.joint_names)
     if scenario.disturbance.payload > 0:
         _add_payload(plant, arm, scenario.disturbance.payload)
-    block = _add_object(plant, scenario)
+    block = add_object(plant, scenario)
     table_text = table_sdf(scenario.table.friction)
     table = add_body(plant, "the table", lambda parser: parser.AddModelsFromString(table_text, "sdf"))
     height = scenario.table.height + scenario.disturbance.table_error
@@ -57,32 +55,13 @@ def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
     return Parts(arm, block, table, gears)
 
 
-def _add_object(plant: MultibodyPlant, scenario: Scenario) -> RigidBody:
-    """The block, or the object of the user's own file, whose mass the planner must know."""
-    file, planned = scenario.object.file, scenario.object.mass
-    if not file:
-        return add_body(plant, "the block", lambda parser: parser.AddModelsFromString(block_sdf(scenario), "sdf"))
-    what = f"object.file = '{file}'"
-    body = add_body(plant, what, lambda parser: parser.AddModels(file))
-    mass = body.default_mass()
-    if abs(mass - planned) > MASS_TOLERANCE * planned:
-        raise InputError(f"{what} weighs {mass:g} kg; valid is object.mass = {planned:g} kg")
-    return body
-
-
 def _leave_out_collisions(plant: MultibodyPlant, arm: ArmHandles) -> None:
     """An own arm's collision shapes that its format could not leave out touch nothing."""
-    if not plant.geometry_source_is_registered():
-        return
-    bodies = [plant.get_body(i) for i in plant.GetBodyIndices(arm.arm)]
-    shapes = [g for body in bodies for g in plant.GetCollisionGeometriesForBody(body)]
-    if not shapes:
-        return
-    all_bodies = [plant.get_body(BodyIndex(i)) for i in range(plant.num_bodies())]
-    others = [g for body in all_bodies for g in plant.GetCollisionGeometriesForBody(body) if g not in shapes]
-    mine = GeometrySet(shapes)
-    for group in (("arm", mine), ("everything else", GeometrySet(others))):
-        plant.ExcludeCollisionGeometriesWithCollisionFilterGroupPair(("arm", mine), group)
+    if plant.geometry_source_is_registered():
+        scene_graph = Parser(plant).scene_graph()
+        for body in (plant.get_body(i) for i in plant.GetBodyIndices(arm.arm)):
+            for shape in plant.GetCollisionGeometriesForBody(body):
+                scene_graph.RemoveRole(plant.get_source_id(), shape, Role.kProximity)
 
 
 def base_in_plane(scenario: Scenario) -> tuple[float, float, float, float]:
@@ -108,14 +87,8 @@ def _add_payload(plant: MultibodyPlant, arm: ArmHandles, mass: float) -> None:
     plant.WeldFrames(arm.flange, payload.body_frame())
 
 
-def _spatula(scenario: Scenario) -> str:
-    """The text of the tool: the spatula with the scenario's numbers, or a file of the user's own."""
-    file = scenario.tool.file
-    if file is None:
-        return spatula_urdf(scenario)
-    return read_text(file, "tool.file =", "a URDF or SDF")
-
-
 def _arm_spec(scenario: Scenario) -> ArmSpec:
+    """The arm with its tool; InputError unless the files of tool and object say what the scenario says."""
+    check_object(scenario)
     arm = scenario.arm.model_copy(update={"base_pose": base_in_plane(scenario)})
-    return ArmSpec(arm, scenario.object.thickness / 2, _spatula(scenario))
+    return ArmSpec(arm, scenario.object.thickness / 2, tool_text(scenario))

@@ -475,12 +475,14 @@ def test_the_diagram_of_the_loop_is_drawn(tmp_path):
 
 def test_another_shape_than_a_box_is_refused(tmp_path):
     text = block_sdf(IDEAL)
-    text = text.replace("<box><size>0.062 0.065 0.01</size></box>", "<sphere><radius>0.005</radius></sphere>")
+    text = text.replace(
+        "<box><size>0.062 0.065 0.01</size></box>", "<ellipsoid><radii>0.031 0.0325 0.005</radii></ellipsoid>"
+    )
     hint = "<drake:mesh_resolution_hint>0.002</drake:mesh_resolution_hint>"
     text = text.replace("<drake:compliant_hydroelastic />", f"<drake:compliant_hydroelastic />{hint}")
     (tmp_path / "ball.sdf").write_text(text)
     scenario = IDEAL.with_overrides(MUJOCO | {"object.file": str(tmp_path / "ball.sdf")})
-    with pytest.raises(InputError, match="Sphere of the block; valid is Box") as refused:
+    with pytest.raises(InputError, match="Ellipsoid of the block; valid is Box") as refused:
         build_loop(scenario)
     assert "\n" not in str(refused.value)
 

@@ -366,7 +366,7 @@ def test_another_arm_may_have_another_number_of_joints(tmp_path):
     [
         ('frame name="flange"', 'frame name="face"', "has no link or frame 'flange'"),
         ('effort="95.5"', 'effort="0"', "joint 'S' has no torque limit"),
-        ('parent link="base"', 'parent link="nothing"', "'flange' is not carried by 'base'"),
+        ('parent link="base"', 'parent link="nothing"', "parent is 'nothing'; valid is one link of the file"),
         ("</robot>", "", "not valid XML"),
     ],
 )
