@@ -13,6 +13,7 @@ LINKS = [
 ]
 AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
 EFFORT, SPEED, RANGE = 90.0, 6.0, 2.9
+LIMITS = {"torque_limits": (EFFORT,) * 6, "speed_limits": (SPEED,) * 6}
 HOME = (0.0, 0.3, 0.6, 0.0, -0.9, 0.0)
 
 

@@ -1,5 +1,6 @@
 """Successive convexification of one horizon: linearise, solve the quadratic program, again until θ settles."""
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -82,6 +83,7 @@ class Convexification:
         self.start = np.array([task.start_y, task.start_z, 0.0, 0.0, 0.0, 0.0])
         self.shift, self._in_motion = 0.0, False
         self.program_times: list[float] = []
+        self.deadline = math.inf  # of time.process_time()
         self._native = settings.solver == CONDENSED if native is None else native
         self._linearisation = lru_cache(CACHED)(self._make_linearisation)
 
@@ -202,11 +204,14 @@ class Convexification:
         """Re-linearise and re-solve until no θ moves more than the tolerance [rad].
 
         Where the plain program has no solution the elastic one leads on, unless `rescue` is off.  Raises PlanningError
-        where the arm loses the path, or the solver gives up.
+        where the arm loses the path, the solver gives up, or the deadline has passed.
         """
         trust, last_step, last_change, elastic = FIRST_TRUST, np.zeros(1), np.inf, False
         outcome: Outcome | None = None
-        for _ in range(iterations):
+        for number in range(iterations):
+            if time.process_time() > self.deadline:
+                at = f"linearisation {number + 1} of {point.n_contact} contact and {point.n_flight} flight samples"
+                raise PlanningError(f"planning took too long: it gave up at {at}")
             try:
                 solution, motion = self.solve(point, trust, elastic)
             except PlanningError as error:

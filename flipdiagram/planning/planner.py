@@ -21,6 +21,8 @@ AT_LIMIT = 0.9
 """Use of a joint limit from which an infeasible plan mentions it."""
 CHECKS_PER_SAMPLE = 4
 """The joint limits of the finished motion are checked this many times per ΔT."""
+LONGEST = 120.0
+"""Seconds of computing, without those of other processes, after which it gives up; a plan takes one to ten."""
 CORRECTIONS = 2
 """Times that a joint limit exceeded between samples is fed back, as a smaller limit."""
 
@@ -42,6 +44,7 @@ class Planner:
         """The best motion over the horizons allowed; raises PlanningError naming the constraint that cannot be met."""
         begin = time.perf_counter()
         self.horizons.program_times.clear()
+        self.horizons.deadline = time.process_time() + LONGEST
         self.horizons.allowed = limits.Allowed.of(self.arm, self.scenario)
         self._check_start()
         best = self._search()

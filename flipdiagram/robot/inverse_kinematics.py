@@ -19,6 +19,7 @@ ITERATIONS = 80
 STEP_MAX = 0.3  # [rad] largest Newton step: keeps the search on the branch of the seed
 LINE_STEPS = 40  # poses on the line from seed to target
 SEEDS = 96  # starts of `search`
+MOST_POSES = 60_000  # that `search` computes before it makes do with what it has found; a UR5 takes 28,000
 COMFORT = 0.4  # [rad] distance to a joint limit from which there is room enough
 DAMPING_START, DAMPING_MIN, DAMPING_MAX = 1e-9, 1e-12, 1e3  # of J J^T; a regular pose has entries of 0.1 to 1
 
@@ -52,6 +53,19 @@ def pose(arm: Kinematics, target: Array, seeds: Sequence[Array], tol: float) -> 
     raise PlanningError(f"the arm cannot reach the pose {task_space.describe(target)}: {reason}")
 
 
+class _Counted:
+    """An arm that counts the poses asked of it."""
+
+    def __init__(self, arm: Kinematics) -> None:
+        self.joint_names, self.q_min, self.q_max = arm.joint_names, arm.q_min, arm.q_max
+        self._arm, self.poses = arm, 0
+
+    def task_jacobian(self, q: Array) -> tuple[Array, Array]:
+        """See `Kinematics`."""
+        self.poses += 1
+        return self._arm.task_jacobian(q)
+
+
 def search(arm: Kinematics, target: Array, tol: float, through: Sequence[Array] = ()) -> Array:
     """The best-conditioned joint angles (n,) [rad] at the task pose target (6,), from seeds spread over joint space.
 
@@ -62,9 +76,12 @@ def search(arm: Kinematics, target: Array, tol: float, through: Sequence[Array] 
     from scipy.stats import qmc  # a third of a second, and the MH3F knows its home
 
     seeds = qmc.Halton(len(arm.q_min), scramble=False).random(SEEDS + 1)[1:]  # the first is the corner
+    arm = _Counted(arm)
     best: Array | None = None
     largest = 0.0
     for seed in arm.q_min + seeds * (arm.q_max - arm.q_min):
+        if arm.poses > MOST_POSES:
+            break
         q = newton(arm, target, seed, tol)
         if q is None:
             continue
@@ -73,7 +90,8 @@ def search(arm: Kinematics, target: Array, tol: float, through: Sequence[Array] 
         if (smallest := _conditioned(arm, q, through, tol)) > 1.001 * largest:
             best, largest = q, smallest
     if best is None:
-        raise PlanningError(f"the arm cannot reach the pose {task_space.describe(target)}: no joint angles found")
+        reason = f"no joint angles found, {arm.poses:,} poses tried from all over joint space"
+        raise PlanningError(f"the arm cannot reach the pose {task_space.describe(target)}: {reason}")
     return best
 
 

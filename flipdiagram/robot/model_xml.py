@@ -128,6 +128,8 @@ def read_model(field: str, file: str, kinds: tuple[str, ...]) -> Model:
             raise _Refused(f"begins with <{root.tag}>", valid)
         _check_elements(root)
         for element, place in _walk(root):
+            if element.tag == "limit":
+                _check_range(element, place)
             if element.tag == "inertial":
                 _check_inertia(element, place, kind)
         if kind == "urdf":
@@ -183,8 +185,6 @@ def _check_elements(root: ElementTree.Element) -> None:
         _check_numbers(element, place)
         if element.tag == "joint" and element.get("type", "fixed") not in (*JOINT_TYPES, *OTHER_TYPES):
             raise _Refused(f"has type = '{_short(element.attrib['type'])}' {place}", ", ".join(JOINT_TYPES))
-        if element.tag == "limit" and not _number(element, "lower", -inf) <= (top := _number(element, "upper", inf)):
-            raise _Refused(f"has limit lower = {_number(element, 'lower'):g} {place}", f"at most limit upper = {top:g}")
 
 
 def _check_numbers(element: ElementTree.Element, place: str) -> None:
@@ -208,8 +208,13 @@ def _walk(element: ElementTree.Element, place: str = "") -> Iterator[tuple[Eleme
 
 def _number(element: ElementTree.Element, name: str, default: float = 0.0) -> float:
     """A number of an element, an attribute or the text of a child."""
-    text = element.get(name) or element.findtext(name)
-    return float(text) if text else default
+    return float((element.get(name) or element.findtext(name) or "").strip() or default)
+
+
+def _check_range(limit: ElementTree.Element, place: str) -> None:
+    lower, upper = _number(limit, "lower", -inf), _number(limit, "upper", inf)
+    if lower > upper:
+        raise _Refused(f"has limit lower = {lower:g} {place}", f"at most limit upper = {upper:g}")
 
 
 def _check_inertia(inertial: ElementTree.Element, place: str, kind: str) -> None:
@@ -221,7 +226,7 @@ def _check_inertia(inertial: ElementTree.Element, place: str, kind: str) -> None
         kilograms = _number(inertial, "mass")
         moments = [float(word) for word in inertial.get("fullinertia", inertial.get("diaginertia", "")).split()]
     else:
-        kilograms = unsaid if mass is None else float(mass.get("value") or mass.text or 0)
+        kilograms = unsaid if mass is None else float((mass.get("value") or mass.text or "").strip() or 0)
         if inertia is not None:
             moments = [_number(inertia, name, unsaid if name[1] == name[2] else 0.0) for name in MOMENTS]
     if kilograms == 0 and not any(moments):

@@ -11,6 +11,7 @@ from planar import G, blade, block, flown, gap, placed, polar
 
 from flipdiagram.errors import PlanningError
 from flipdiagram.planning import Plan, Planner, constraints, convexification, plan_motion
+from flipdiagram.planning import planner as planner_module
 from flipdiagram.planning.limits import POSITION, SPEED, TORQUE
 from flipdiagram.scenario.scenario import Scenario
 
@@ -221,6 +222,14 @@ def test_the_impossible_is_refused_in_one_line_naming_the_constraint(overrides, 
 def test_too_few_linearisations_are_named():
     with pytest.raises(PlanningError, match=r"not settled within 1 linearisations \(planner.max_iterations\)"):
         plan_motion(IDEAL.with_overrides({"planner.max_iterations": 1, "planner.flight_samples": (5, 5)}))
+
+
+def test_a_plan_that_takes_too_long_says_where_it_was(monkeypatch):
+    monkeypatch.setattr(planner_module, "LONGEST", -1.0)
+    with pytest.raises(
+        PlanningError, match=r"took too long: it gave up at linearisation 1 of \d+ contact and \d+ flight"
+    ):
+        plan_motion(IDEAL)
 
 
 def test_the_chosen_horizon_is_no_worse_than_others(planner, plan):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from elbow import EFFORT, FORMATS, HOME, LINKS, SPEED, sdf, urdf
+from elbow import EFFORT, FORMATS, HOME, LIMITS, LINKS, SPEED, sdf, urdf
 from ideal import IDEAL
 from pydrake.geometry import Role
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
@@ -14,6 +14,7 @@ from flipdiagram.blocks.inverse_jacobian import joint_acceleration
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import InputError, PlanningError
 from flipdiagram.planning import plan_motion
+from flipdiagram.robot import inverse_kinematics
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.arm_spec import ArmSpec
 from flipdiagram.robot.model_files import block_sdf, spatula_urdf
@@ -22,8 +23,6 @@ from flipdiagram.scenario.cell import Arm
 from flipdiagram.scenario.scenario import Scenario, load
 from flipdiagram.simulation.metrics import measure
 from flipdiagram.simulation.simulate import simulate
-
-LIMITS = {"torque_limits": (EFFORT,) * 6, "speed_limits": (SPEED,) * 6}
 
 
 def arm_of(folder, name, base_pose=(0.0, 0.0, 0.0, 0.0), **options):
@@ -118,6 +117,18 @@ def test_an_arm_out_of_reach_is_said_to_be_so(tmp_path):
     fields = {"arm.file": str(tmp_path / "arm.urdf"), "arm.flange": "tcp", "arm.base_pose": (0.0, 3.0, 0.0, 0.0)}
     with pytest.raises(PlanningError, match="cannot reach the pose"):
         plan_motion(IDEAL.with_overrides(fields))
+
+
+def test_the_search_for_the_start_ends_after_so_many_poses_with_what_it_has(tmp_path, monkeypatch):
+    (tmp_path / "arm.urdf").write_text(urdf(), encoding="utf-8")
+    arm, asked = ArmModel(ArmSpec(Arm(file=str(tmp_path / "arm.urdf"), flange="tcp", mount_angle=np.pi))), []
+    monkeypatch.setattr(inverse_kinematics, "MOST_POSES", 300)
+    monkeypatch.setattr(arm, "task_jacobian", lambda q, ask=arm.task_jacobian: asked.append(q) or ask(q))
+    near, far = [0.0, 0.35, 0.0, 0.5, 0.0, 0.0], [0.0, 0.35, 0.0, 5.0, 0.0, 0.0]
+    np.testing.assert_allclose(arm.task_position(arm.inverse_kinematics(near)), near, atol=1e-9)
+    assert 300 < len(asked) < 300 + 2 * inverse_kinematics.ITERATIONS
+    with pytest.raises(PlanningError, match=r"no joint angles found, 3\d\d poses tried from all over joint space"):
+        arm.inverse_kinematics(far)
 
 
 REFUSED = {
