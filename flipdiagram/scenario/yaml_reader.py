@@ -95,7 +95,7 @@ class _Loader(yaml.SafeLoader):
         self._sizes[node] = self._values - before
         return node
 
-    def _check(self, event: yaml.Event, good: bool, problem: str) -> None:
+    def _check(self, event: Any, good: bool, problem: str) -> None:
         if not good:
             raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
 
