@@ -8,11 +8,14 @@ import json
 import math
 import os
 import platform
+import re
 import reprlib
 import stat
 import tempfile
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,6 +36,8 @@ KINDS = (
     (stat.S_ISCHR, "Is a device"),
     (stat.S_ISBLK, "Is a device"),
 )
+LEFT = re.compile(r"\..*-([0-9a-f]{8})-([0-9]{1,10})-[0-9a-f]{8}(\.[^.]*)?", re.DOTALL)
+"""Names of temporary files: machine, process."""
 _short = reprlib.Repr()
 _short.maxstring = 120
 
@@ -116,9 +121,10 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     Keeps the suffix, which Matplotlib and xarray read. Makes the folder. InputError where it cannot write.
     """
     target = Path(path)
-    temporary = target.parent / f".{target.stem}-{os.urandom(4).hex()}{target.suffix}"
+    temporary = target.parent / f".{target.stem}-{_here()}-{os.getpid()}-{os.urandom(4).hex()}{target.suffix}"
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
+        _clean_once(target.parent.absolute())
         yield temporary
         os.replace(temporary, target)
     except OSError as error:
@@ -126,6 +132,39 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     finally:
         with suppress(OSError):  # never made, or renamed
             temporary.unlink()
+
+
+def remove_left(folder: Path) -> None:
+    """Remove the temporary files that processes of this machine left in a folder when they were killed."""
+    with suppress(OSError):
+        for name in os.listdir(folder):
+            found = LEFT.fullmatch(name)
+            if found and found[1] == _here() and not _is_alive(int(found[2])):
+                with suppress(OSError):
+                    (folder / name).unlink()
+
+
+_clean_once = cache(remove_left)
+
+
+@cache
+def _here() -> str:
+    """The machine and its space of process ids, of which each container has its own."""
+    space = ""
+    with suppress(OSError):
+        space = os.readlink("/proc/self/ns/pid")
+    return f"{zlib.crc32(f'{platform.node()} {space}'.encode()):08x}"
+
+
+def _is_alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+        # one that ended and that nobody asked for its exit code is dead too
+        return Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()[0] not in "ZX"
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError, ValueError, IndexError):  # another user's, no number of a process, no /proc
+        return True
 
 
 def write_atomically(path: str | os.PathLike[str], content: str | bytes) -> Path:

@@ -37,9 +37,13 @@ def console(stderr: bool = False) -> Console:
     """A console on stdout or stderr; rich colours terminals only, and NO_COLOR is respected."""
     from rich.console import Console
 
+    class Pipe(Console):
+        def on_broken_pipe(self) -> None:
+            raise
+
     stream = sys.stderr if stderr else sys.stdout
     # into a file or pipe rich would fold tables at 80 columns
-    return Console(file=stream, width=None if stream.isatty() else 160)
+    return Pipe(file=stream, width=None if stream.isatty() else 160)
 
 
 @dataclass(frozen=True)

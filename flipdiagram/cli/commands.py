@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from typing import Any
 
-from flipdiagram.files import check_output_directory, sole_use, versions
+from flipdiagram.files import check_output_directory, remove_left, sole_use, versions
 from flipdiagram.grid import Grid, console
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.scenario.work import check_work
@@ -33,10 +33,13 @@ def run_study(study: Study, arguments: argparse.Namespace, scenario: Scenario) -
         return
     study = next((STUDIES[name] for option, name in study.otherwise.items() if given[option]), study)
     out = check_output_directory(arguments.out)
-    with sole_use(out) if study.alone else nullcontext(), status(arguments.quiet) as progress:
-        study.run(scenario, out, progress=progress, **study.given(given, "run"))
-        summary = json.loads((out / study.file).read_text(encoding="utf-8"))
-        notes = study.figures(summary, out, progress=progress, **study.given(given, "figures"))
+    try:
+        with sole_use(out) if study.alone else nullcontext(), status(arguments.quiet) as progress:
+            study.run(scenario, out, progress=progress, **study.given(given, "run"))
+            summary = json.loads((out / study.file).read_text(encoding="utf-8"))
+            notes = study.figures(summary, out, progress=progress, **study.given(given, "figures"))
+    finally:
+        remove_left(out)  # of children that were killed while they wrote
     if not arguments.quiet:
         show(*study.tables(summary), *notes, study.written(summary, out))
 

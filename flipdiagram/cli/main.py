@@ -1,12 +1,15 @@
 """The command line: parses, runs one command, turns errors into exit codes.
 
-Exit codes: 0 done, 2 bad input, 3 the physics or the planner said no, each error one line on stderr.
+Exit codes: 0 done, 2 bad input, 3 the physics or the planner said no, 130 interrupted, each error one line on stderr.
+What a process does with signals stands in `__main__`.
 """
 
 import errno
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
+from typing import TextIO
 
 from flipdiagram.cli import commands
 from flipdiagram.cli.options import COMMANDS, parser, split_overrides
@@ -21,25 +24,34 @@ INTERRUPTED = 130
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
     _guard_streams()
+    code, said = _outcome(sys.argv[1:] if argv is None else list(argv))
+    for stream, text in ((sys.stdout, ""), (sys.stderr, said and f"flipdiagram: {said}\n")):
+        try:
+            stream.write(text)
+            stream.flush()
+        except (OSError, ValueError):  # full or closed: nobody can be told
+            _drop(stream)
+    return code
+
+
+def _outcome(argv: list[str]) -> tuple[int, str]:
+    """The exit code, and what is to be said on stderr."""
     try:
-        code = _run(sys.argv[1:] if argv is None else list(argv))
+        code = _run(argv)
         sys.stdout.flush()
-        return code
+        return code, ""
     except FlipdiagramError as error:
-        print(f"flipdiagram: error: {' '.join(str(error).split())}", file=sys.stderr)
-        return error.exit_code
+        return error.exit_code, f"error: {' '.join(str(error).split())}"
     except KeyboardInterrupt:
-        print("flipdiagram: interrupted", file=sys.stderr)
-        return INTERRUPTED
-    except BrokenPipeError:
-        _drop_stdout()  # the reader, `head` perhaps, has what it wanted
-        return 0
+        return INTERRUPTED, "interrupted"
+    except BrokenPipeError:  # the reader, `head` perhaps, has what it wanted
+        _drop(sys.stdout)
+        return 0, ""
     except OSError as error:
         if error.errno != errno.ENOSPC:
             raise
-        _drop_stdout()
-        print(f"flipdiagram: error: {error.strerror}", file=sys.stderr)
-        return InputError.exit_code
+        _drop(sys.stdout)
+        return InputError.exit_code, f"error: {error.strerror}"
 
 
 def _run(argv: list[str]) -> int:
@@ -54,6 +66,8 @@ def _run(argv: list[str]) -> int:
     if arguments.version:
         commands.print_version()
         return 0
+    if arguments.command not in ("scenario", "completion"):
+        _check_encoding()
     if "scenario" not in arguments and overrides:
         options.error(f"'{arguments.command}' takes no fields of a scenario")
     file = getattr(arguments, "scenario", None)
@@ -66,9 +80,16 @@ def _run(argv: list[str]) -> int:
     return 0
 
 
-def _drop_stdout() -> None:
+def _check_encoding() -> None:
+    if sys.getfilesystemencoding() == "ascii":  # Drake cannot be imported then
+        problem = "names of files are ASCII in this environment (LC_ALL, LANG)"
+        raise InputError.of("PYTHONUTF8", os.environ.get("PYTHONUTF8"), "PYTHONUTF8=1 or LC_ALL=C.UTF-8", problem)
+
+
+def _drop(stream: TextIO) -> None:
     # without this the interpreter's own last flush would complain
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _guard_streams() -> None:

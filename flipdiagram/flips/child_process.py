@@ -80,6 +80,8 @@ class Child:
         program = f"from flipdiagram.flips.child_process import serve; serve({ends})"
         environment = os.environ | {name: "1" for name in THREADS}
         environment["PYTHONPATH"] = os.pathsep.join(path for path in sys.path if path)
+        # Ctrl-C reaches the whole process group; the parent decides, and from its first moment a child never hears it
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-c", program],
@@ -93,6 +95,7 @@ class Child:
             parent_end.close()
             raise
         finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
             child_end.close()
             os.close(alive_read)
         self.pid = self._process.pid
@@ -205,8 +208,7 @@ def close_children() -> None:
 
 def serve(connection_fd: int, alive_fd: int, parent: int) -> None:
     """The child's life: answer calls until the parent, its process id, is gone or has nothing to do for `IDLE`."""
-    _die_with(parent)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole process group; the parent decides
+    die_with(parent)
     threading.Thread(target=_end_with_parent, args=(alive_fd,), daemon=True).start()
     connection = Connection(connection_fd)
     with suppress(EOFError, OSError):
@@ -238,7 +240,7 @@ def _resident(pid: int) -> int:
         return 0
 
 
-def _die_with(parent: int) -> None:
+def die_with(parent: int) -> None:
     """On Linux the kernel kills this process with the one that started it, whatever native code either is in."""
     with suppress(AttributeError, OSError):  # elsewhere the watcher does it, as soon as it gets the interpreter's lock
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)

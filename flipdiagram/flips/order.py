@@ -11,8 +11,7 @@ from typing import Protocol
 from flipdiagram.files import plain
 from flipdiagram.flips.flight import Flight, Landed, Planned
 from flipdiagram.flips.flip import scenario_digest
-from flipdiagram.flips.row import PackedRow, Row
-from flipdiagram.flips.store import PackedPlan
+from flipdiagram.flips.store import PackedPlan, PackedRow, Row
 from flipdiagram.scenario.scenario import Scenario
 
 

@@ -31,6 +31,7 @@ from pydrake.systems.framework import Context
 from pydrake.systems.sensors import CameraInfo
 
 from flipdiagram.arrays import Array
+from flipdiagram.flips.child_process import die_with
 from flipdiagram.rendering.scene import Scene, build_scene
 from flipdiagram.scenario.scenario import Scenario
 
@@ -181,7 +182,9 @@ def render_in_child(
             fov_y=camera.fov_y,
             scenario=np.array(scenario.model_dump_json()),
         )
-        code = f"from flipdiagram.rendering.snapshots import _child; _child({str(task)!r}, {str(result)!r})"
+        code = (
+            f"from flipdiagram.rendering.snapshots import _child; _child({str(task)!r}, {str(result)!r}, {os.getpid()})"
+        )
         try:
             done = subprocess.run(
                 [*python, "-c", code], env={**os.environ, "PYTHONPATH": path}, capture_output=True, timeout=TIME_LIMIT
@@ -197,7 +200,8 @@ def render_in_child(
     return None, f"the renderer ended with code {done.returncode}{reason}"
 
 
-def _child(task: str, result: str) -> None:
+def _child(task: str, result: str, parent: int) -> None:
+    die_with(parent)
     with np.load(task) as data:
         scene = build_scene(Scenario.model_validate_json(str(data["scenario"])))
         camera = Camera(RigidTransform(data["X_WC"]), int(data["size"]), float(data["fov_y"]))
