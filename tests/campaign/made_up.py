@@ -11,6 +11,8 @@ from contextlib import suppress
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 
+from patience import HUNG
+
 from flipdiagram.campaign.checks import from_text
 from flipdiagram.campaign.run import run
 from flipdiagram.errors import InputError
@@ -190,7 +192,7 @@ def kill_drivers(text, out, kills, rows):
             with suppress(BaseException):
                 run(specification, Path(out), jobs=1, resume=True, work=SLOW)
             os._exit(0)
-        wanted, deadline = len(kept) + dice.randrange(each), time.monotonic() + 60
+        wanted, deadline = len(kept) + dice.randrange(each), time.monotonic() + HUNG
         while len(finished(file)) <= wanted and time.monotonic() < deadline:
             time.sleep(dice.uniform(0.0, 0.03))
         os.kill(driver, signal.SIGKILL)

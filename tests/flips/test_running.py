@@ -150,7 +150,7 @@ def test_children_end_with_a_driver_that_is_killed(tmp_path):
     time.sleep(1.0)  # they hang now, or are about to
     process.kill()
     process.wait()
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + HUNG
     while any(map(_alive, found)) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert len(found) == 2 and not any(map(_alive, found))

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from flips.tasks import die, divide, pid_after, refuse, take
+from patience import HUNG
 
 from flipdiagram.errors import InputError, SimulationError
 from flipdiagram.flips.child_process import Limits, TrialError, TrialLimitError, children
@@ -69,7 +70,7 @@ def test_workers_of_a_killed_parent_do_not_stay(task):
     parent.send_signal(signal.SIGKILL)
     parent.wait()
     parent.stdout.close()
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + HUNG
     while alive(worker) and time.monotonic() < deadline:
         time.sleep(0.1)
     assert not alive(worker)

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from campaign.made_up import AS_PRINTED, MOTION, SLOW, metrics_of  # noqa: F401 - workers import them by name
+from patience import HUNG
 
 from flipdiagram.campaign.checks import specification
 from flipdiagram.campaign.specification_file import parse
@@ -133,7 +134,7 @@ def test_an_interrupted_calibration_goes_on_and_ends_the_same(folder, summary, t
     )
     path = os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])
     run = subprocess.Popen([sys.executable, "-c", code], env=os.environ | {"PYTHONPATH": path})
-    kept, deadline = 0, time.monotonic() + 120
+    kept, deadline = 0, time.monotonic() + HUNG
     while kept < 100 and run.poll() is None and time.monotonic() < deadline:
         time.sleep(0.05)
         kept = rows(out)
