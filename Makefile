@@ -1,5 +1,6 @@
 # make flip    install and run the main job: plan, simulate four controllers, figures, replay  -> out/turnover
 # make test    install, and pass the tests
+# make fuzz    draw hostile input for FUZZ seconds (600); what ends badly goes to tests/hostile/corpus, which the tests replay
 # make lint    ruff, mypy and import-linter
 # make bench   speed, against the targets  -> out/bench
 # make docs    API reference from the docstrings  -> out/docs
@@ -15,6 +16,7 @@
 
 PYTHON ?= python3
 OUT ?= out
+FUZZ ?= 600
 
 # .venv belongs to the first Python that made it; any other version gets a folder of its own, .venv-X.Y
 version := $(shell '$(PYTHON)' -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
@@ -34,7 +36,7 @@ install = $(if $(CONSTRAINTS),$(pip_install) --constraint $(CONSTRAINTS) --edita
 	  || { echo "cannot install the versions in $(CONSTRAINTS); taking the newest" >&2; $(pip_install) --editable '.$(1)'; }, \
 	  $(pip_install) --editable '.$(1)')
 
-.PHONY: flip test lint bench docs report clean constraints python programs
+.PHONY: flip test fuzz lint bench docs report clean constraints python programs
 .DELETE_ON_ERROR:
 
 flip: $(INSTALLED)
@@ -42,6 +44,9 @@ flip: $(INSTALLED)
 
 test: $(TESTABLE) programs
 	$(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder  # a file's tests share what is costly
+
+fuzz: $(TESTABLE)
+	$(RUN) tests/hostile/fuzz.py $(FUZZ)
 
 lint: $(TESTABLE)
 	$(RUN) -m ruff check .
