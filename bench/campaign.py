@@ -186,7 +186,7 @@ def _parts() -> dict[str, float]:
 
 def _row_time(path: Path) -> float:
     """Seconds to put a row on the disk."""
-    from flipdiagram.flips.store import Row
+    from flipdiagram.flips.row import Row
     from flipdiagram.flips.store_file import open_to_write
 
     with open_to_write(path, {"digest": ""}) as results:

@@ -13,7 +13,7 @@ from flipdiagram.campaign.distributions import is_number
 from flipdiagram.errors import InputError
 from flipdiagram.files import atomic_path
 from flipdiagram.flips.outcome import NOT_PHYSICS, SUCCESS
-from flipdiagram.flips.store import Row
+from flipdiagram.flips.row import Row
 from flipdiagram.flips.store_file import open_to_read
 from flipdiagram.simulation.metrics import FlipMetrics
 
@@ -36,13 +36,15 @@ KEYS = ["trial", "architecture"]
 FORMATS = (".csv", ".parquet", ".nc")
 
 
-def load_dataset(path: str | Path) -> xr.Dataset:
+def load_dataset(path: str | Path, lost: list[str] | None = None) -> xr.Dataset:
     """What a campaign's file holds so far; a flip that is missing has outcome '' and nan.
 
     Coordinates: trial, architecture; of each trial the seed and each varied parameter by its name.
+    lost: takes what is wrong with each damaged flip, which is left out; None: InputError at the first.
     """
     with open_to_read(path) as results:
-        specification, rows, digest = results.specification(), list(results.rows()), results.meta()["digest"]
+        specification, digest = results.specification or {}, results.meta()["digest"]
+        rows = list(results.rows() if lost is None else results.sound_rows(lost))
     return to_dataset(specification, rows).assign_attrs(digest=digest)
 
 
@@ -108,15 +110,17 @@ def counted(part: xr.Dataset) -> np.ndarray:
     return ~np.isin(outcome, ["", *NOT_PHYSICS])
 
 
-def export(path: str | Path, target: str | Path) -> Path:
+def export(path: str | Path, target: str | Path, lost: list[str] | None = None) -> Path:
     """Write a campaign's file as .csv or .parquet, one row a flip, or as .nc; returns the path written.
+
+    lost: of a damaged file what is sound is written, as `load_dataset` does it.
 
     Raises InputError for another ending, or where Parquet needs a package that is not installed.
     """
     target = Path(target)
     if target.suffix not in FORMATS:
         raise InputError.of("--export", str(target), f"a name that ends with {', '.join(FORMATS)}")
-    data = load_dataset(path)
+    data = load_dataset(path, lost)
     with atomic_path(target) as temporary:
         if target.suffix == ".nc":
             # NetCDF 3 has neither booleans nor 64-bit whole numbers

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from flipdiagram.campaign.specification import Specification
 from flipdiagram.flips.flight import Flight
-from flipdiagram.flips.store import to_json
+from flipdiagram.flips.row import to_json
 
 
 class Draw(NamedTuple):

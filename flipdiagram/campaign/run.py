@@ -11,8 +11,9 @@ from flipdiagram.campaign.specification import Specification
 from flipdiagram.flips.driver import Flying, fly_all
 from flipdiagram.flips.flight import Work, fly_flight, plan_drawn_flight, provenance
 from flipdiagram.flips.flip import scenario_digest
+from flipdiagram.flips.row import to_json
 from flipdiagram.flips.run import Clock, Progress
-from flipdiagram.flips.store import refusal, to_json
+from flipdiagram.flips.store import refusal
 from flipdiagram.flips.store_file import open_to_write
 from flipdiagram.flips.workers import workers_of
 
@@ -71,8 +72,8 @@ def run(
         if not resume:  # nothing is written before all is checked
             check_estimate(specification, width)
         with open_to_write(file, meta, resume) as store:
-            if store.meta()["code"] != code and not any_version:
-                problem = f"was begun with other code or versions ({store.meta()['versions']})"
+            if store.meta().get("code") != code and not any_version:
+                problem = f"was begun with other code or versions ({store.meta().get('versions')})"
                 raise refusal(file, problem, "the same installation, another --out, or --any-version")
             done = store.done()
             _check_draws(specification, done, file)

@@ -1,7 +1,5 @@
 """A campaign as it is asked for: base scenario, what varies and how, trials, architectures; numbered, reproducible."""
 
-import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,6 +11,7 @@ from flipdiagram.campaign.distributions import Distribution
 from flipdiagram.flips.child_process import MEMORY, Limits
 from flipdiagram.flips.flight import Flight
 from flipdiagram.flips.flip import PLAN_SECTIONS
+from flipdiagram.flips.store import digest_of
 from flipdiagram.scenario.scenario import Scenario, field_paths, value_of
 
 UNKNOWN_SECTIONS = ("arm", "tool", "object", "table")
@@ -161,7 +160,7 @@ class Specification:
     @cached_property
     def digest(self) -> str:
         """Name of the campaign: changes with anything that changes a result, not with comments or order of keys."""
-        return hashlib.sha256(json.dumps(self.as_dict(), sort_keys=True).encode()).hexdigest()
+        return digest_of(self.as_dict())
 
 
 def _setting(base: Scenario, overrides: Mapping[str, Any], field: str, dimension: Dimension, value: Any) -> Any:

@@ -29,7 +29,13 @@ TUNING = "tuning.json"
 
 
 def show(
-    scenario: Scenario, *, file: str | None, watch: Path | None, analyse: Path | None, export: list[Path] | None
+    scenario: Scenario,
+    *,
+    file: str | None,
+    watch: Path | None,
+    analyse: Path | None,
+    export: list[Path] | None,
+    salvage: bool,
 ) -> bool:
     """Show or export the file of a campaign where that is asked for; whether it was.
 
@@ -38,10 +44,15 @@ def show(
     if sum(entry is not None for entry in (file, watch, analyse, export)) != 1:
         valid = "one of FILE, --watch, --analyse, --export"
         raise InputError(f"campaign takes {valid}; see `flipdiagram campaign --help`", valid=valid)
+    if salvage and export is None:
+        raise InputError.of("--salvage", True, "--salvage beside --export FILE TO", "--salvage stands alone")
     if watch is not None:
         watch_on(watch, console())
     elif export is not None:
-        print(f"written to {export_to(*export)}")
+        (source, target), lost = export, list[str]()
+        print(f"written to {export_to(source, target, lost if salvage else None)}")
+        if salvage:
+            print(f"damaged flips left out: {len(lost)}" + f", the first: {lost[0]}" * bool(lost))
     return watch is not None or export is not None
 
 

@@ -22,7 +22,7 @@ def status_grid(path: str | Path) -> tuple[Grid, bool]:
     """How far a campaign is, and whether it has all its flips; raises InputError for a file of something else."""
     path = Path(path)
     with open_to_read(path) as results:
-        specification, counts, pace = results.specification(), results.counts(), results.pace()
+        specification, counts, pace = results.specification or {}, results.counts(), results.pace()
     names = specification["architectures"]
     trials = int(specification["trials"])
     by_name = {name: {o: count for a, o, count in counts if a == name} for name in names}

@@ -27,7 +27,8 @@ from flipdiagram.flips.child_process import Limits, TrialError, TrialLimitError
 from flipdiagram.flips.flight import Landed, Work, provenance
 from flipdiagram.flips.order import Order, fly_order, plan_order, row_of
 from flipdiagram.flips.outcome import Outcome
-from flipdiagram.flips.store import ATTEMPTED, CODE, PackedPlan, PackedRow, Store
+from flipdiagram.flips.row import ATTEMPTED, CODE, PackedRow
+from flipdiagram.flips.store import PackedPlan, Store
 from flipdiagram.flips.workers import Workers
 
 ATTEMPTS = 5

@@ -11,7 +11,8 @@ from typing import Protocol
 from flipdiagram.files import plain
 from flipdiagram.flips.flight import Flight, Landed, Planned
 from flipdiagram.flips.flip import scenario_digest
-from flipdiagram.flips.store import PackedPlan, PackedRow, Row
+from flipdiagram.flips.row import PackedRow, Row
+from flipdiagram.flips.store import PackedPlan
 from flipdiagram.scenario.scenario import Scenario
 
 

@@ -1,78 +1,37 @@
 """What is kept of flips, of a campaign's as of a study's: one row each in SQLite, committed when it ends."""
 
+import hashlib
 import json
 import sqlite3
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from flipdiagram.errors import InputError
-from flipdiagram.flips.outcome import Outcome
+from flipdiagram.flips.outcome import MODES, Outcome
+from flipdiagram.flips.row import COLUMNS, LATEST, Campaign, PackedRow, Row, damaged, read_row
 
-SCHEMA = """
-CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
-CREATE TABLE plans (key TEXT PRIMARY KEY, plan BLOB, error TEXT);
+STRICT = "STRICT" if sqlite3.sqlite_version_info >= (3, 37) else ""  # RHEL 9 has 3.34
+SCHEMA = f"""
+CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) {STRICT};
+CREATE TABLE plans (key TEXT PRIMARY KEY, plan BLOB, error TEXT) {STRICT};
 CREATE TABLE trials (
-    trial NOT NULL, architecture TEXT NOT NULL, outcome TEXT NOT NULL, failure TEXT, seed INTEGER NOT NULL,
+    trial ANY NOT NULL, architecture TEXT NOT NULL, outcome TEXT NOT NULL, failure TEXT, seed INTEGER NOT NULL,
     scenario_hash TEXT NOT NULL, overrides TEXT NOT NULL, "values" TEXT NOT NULL, metrics TEXT, plan TEXT,
     code TEXT NOT NULL, versions TEXT NOT NULL, seconds REAL NOT NULL, host TEXT NOT NULL, attempts INTEGER NOT NULL,
     finished REAL NOT NULL, PRIMARY KEY (trial, architecture)
-) WITHOUT ROWID;
+) WITHOUT ROWID{STRICT and ", STRICT"};
 """
 
-PackedRow = tuple[Any, ...]
-"""A row as SQLite takes it, in the order of `COLUMNS`."""
 PackedPlan = tuple[bytes | None, str | None]
 """(plan as compressed JSON, None) or (None, why there is none)."""
 
 
-@dataclass(frozen=True)
-class Row:
-    """One flip that has ended; the mappings are plain data.
-
-    Seconds, host, attempts and finished tell how it came about, as the plan's `solve_time_s` does; the others do not
-    depend on workers, their number or their order.
-    """
-
-    trial: int | str
-    """Its number in a campaign; the key of its question in a study."""
-    architecture: str
-    outcome: str
-    """One of `outcome.MODES`."""
-    failure: str | None
-    seed: int
-    scenario_hash: str
-    overrides: Mapping[str, Any]
-    values: Sequence[Any]
-    """Of the dimensions, in their order."""
-    metrics: Mapping[str, Any] | None
-    plan: Mapping[str, Any] | None
-    """The plan's summary."""
-    code: str
-    versions: Mapping[str, str]
-    seconds: float
-    host: str
-    attempts: int
-    finished: float
-    """Seconds since 1970, by the clock of the host."""
-
-    def packed(self) -> PackedRow:
-        """As it stands in the file, to be put there: made by the worker that has the row."""
-        return tuple(_packed(name, getattr(self, name)) for name in COLUMNS)
-
-
-def _packed(name: str, value: Any) -> Any:
-    return to_json(value) if name in _JSON and value is not None else value
-
-
-COLUMNS = tuple(field.name for field in fields(Row))
-_JSON = ("overrides", "values", "metrics", "plan", "versions")
 _NAMES = ", ".join(f'"{name}"' for name in COLUMNS)
 _PLACES = ", ".join("?" * len(COLUMNS))
-CODE, ATTEMPTED = COLUMNS.index("code"), COLUMNS.index("attempts")
-"""Where they stand in a packed row."""
 
 
 class Store:
@@ -87,41 +46,108 @@ class Store:
 
     def meta(self) -> dict[str, str]:
         """Specification, its digest, versions, and when it was begun."""
-        return dict(self._all("SELECT key, value FROM meta"))
+        meta = self._all("SELECT key, value FROM meta")
+        for key, value in meta:
+            if not (isinstance(key, str) and isinstance(value, str)):
+                raise damaged(self.path, f"table meta, row {key!r}, column value", value, "a text")
+        return dict(meta)
 
-    def specification(self) -> dict[str, Any]:
-        """What decides the results, as `Specification.as_dict` gave it."""
-        return json.loads(self.meta()["specification"])
+    @cached_property
+    def specification(self) -> dict[str, Any] | None:
+        """What decides the results, as `Specification.as_dict` gave it; None where the file is not of a campaign."""
+        meta = self.meta()
+        if "specification" not in meta:
+            return None
+        try:
+            data = json.loads(meta["specification"])
+        except (ValueError, RecursionError):
+            data = None
+        if not isinstance(data, dict) or digest_of(data) != meta.get("digest"):
+            place = "table meta, row 'specification', column value"
+            raise damaged(self.path, place, meta["specification"], "the one whose digest the file keeps")
+        return data
+
+    @cached_property
+    def campaign(self) -> Campaign | None:
+        """What its rows can be; None where the file is not of a campaign."""
+        if (of := self.specification) is None:
+            return None
+        return Campaign(of["trials"], of["architectures"], len(of["vary"]))
 
     def done(self) -> dict[tuple[Any, str], str]:
         """(trial, architecture) → hash of its scenario, of all rows."""
-        return {(t, a): h for t, a, h in self._all("SELECT trial, architecture, scenario_hash FROM trials")}
+        return {(row.trial, row.architecture): row.scenario_hash for row in self.rows()}
 
     def counts(self) -> list[tuple[str, str, int]]:
         """(architecture, outcome, number of rows)."""
-        return self._all("SELECT architecture, outcome, count(*) FROM trials GROUP BY architecture, outcome")
+        counts = self._all("SELECT architecture, outcome, count(*) FROM trials GROUP BY architecture, outcome")
+        for architecture, outcome, _ in counts:
+            if self.campaign and architecture not in self.campaign.architectures:
+                names = self.campaign.architectures
+                raise damaged(self.path, "table trials, column architecture", architecture, names)
+            if outcome not in MODES:
+                raise damaged(self.path, "table trials, column outcome", outcome, MODES)
+        return counts
 
     def pace(self, last: int = 200) -> tuple[int, float, float]:
         """Of the last rows: how many, over which time [s], and when the last one ended [s since 1970]."""
-        query = "SELECT count(*), max(finished) - min(finished), max(finished) FROM"
-        rows = self._all(f"{query} (SELECT finished FROM trials ORDER BY finished DESC LIMIT ?)", (last,))
-        count, seconds, latest = rows[0]
-        return count, seconds or 0.0, latest or 0.0
+        query = "SELECT finished FROM trials ORDER BY finished DESC LIMIT ?"
+        times = [time for (time,) in self._all(query, (last,))]
+        for time in times:
+            if not (isinstance(time, float) and 0 <= time <= LATEST):
+                raise damaged(self.path, "table trials, column finished", time, f"a number from 0 to {LATEST:g}")
+        return len(times), times[0] - times[-1] if times else 0.0, times[0] if times else 0.0
+
+    def check_whole(self) -> None:
+        """InputError where SQLite finds the file damaged."""
+        ((verdict, *_),) = self._all("PRAGMA quick_check(1)")
+        if verdict != "ok":
+            valid = "a whole file; `flipdiagram campaign --export FILE TO --salvage` takes what is sound"
+            raise refusal(self.path, f"is damaged: {' '.join(str(verdict).split())}", valid)
 
     def rows(self) -> Iterator[Row]:
         """All rows by trial, then architecture."""
-        yield from map(_row, self._each(f"SELECT {_NAMES} FROM trials ORDER BY trial, architecture"))
+        self.check_whole()
+        before = None
+        for cells in self._each(f"SELECT {_NAMES} FROM trials ORDER BY trial, architecture"):
+            row = read_row(self.path, cells, self.campaign)
+            if before == (row.trial, row.architecture):
+                raise damaged(self.path, "table trials, columns trial and architecture", before, "one row for each")
+            before = row.trial, row.architecture
+            yield row
+
+    def sound_rows(self, lost: list[str]) -> Iterator[Row]:
+        """Those of a damaged file of a campaign that can be read and are as they should be; what the others say."""
+        if self.campaign is None:
+            return
+        for trial in range(self.campaign.trials):
+            for name in self.campaign.architectures:  # each by its key: one that cannot be read does not end the list
+                try:
+                    yield from (read_row(self.path, cells, self.campaign) for cells in self._cells(trial, name))
+                except InputError as error:
+                    lost.append(str(error))
 
     def outcome(self, trial: int | str, architecture: str) -> Outcome | None:
         """What became of a flip; None where it is not known."""
-        query = f"SELECT {_NAMES} FROM trials WHERE trial = ? AND architecture = ?"
-        for row in map(_row, self._all(query, (trial, architecture))):
-            return Outcome.from_row(row.metrics, row.failure, row.plan)
+        for cells in self._cells(trial, architecture):
+            row = read_row(self.path, cells)
+            try:
+                return Outcome.from_row(row.metrics, row.failure, row.plan)
+            except TypeError:
+                place = f"table trials, row {trial!r}, column metrics"
+                raise damaged(self.path, place, row.metrics, "what this version measures") from None
         return None
 
     def plan(self, key: str) -> PackedPlan | None:
         """What is kept under a key; None where nothing is."""
         for plan, error in self._all("SELECT plan, error FROM plans WHERE key = ?", (key,)):
+            try:
+                kept = error if plan is None else zlib.decompress(plan).decode()
+            except (TypeError, ValueError, zlib.error):
+                kept = None
+            if not isinstance(kept, str):
+                place = f"table plans, row {key[:12]!r}, column {'error' if plan is None else 'plan'}"
+                raise damaged(self.path, place, error if plan is None else plan, "what a planner wrote")
             return plan, error
         return None
 
@@ -142,17 +168,16 @@ class Store:
         """Take out a row, of a flip that is flown again."""
         self._all("DELETE FROM trials WHERE trial = ? AND architecture = ?", (trial, architecture))
 
+    def _cells(self, trial: int | str, architecture: str) -> list[PackedRow]:
+        query = f"SELECT {_NAMES} FROM trials WHERE trial = ? AND architecture = ?"
+        return self._all(query, (trial, architecture))
+
     def _all(self, query: str, values: tuple[Any, ...] = ()) -> list[Any]:
         return list(self._each(query, values))
 
     def _each(self, query: str, values: tuple[Any, ...] = ()) -> Iterator[Any]:
         with errors(self.path):
             yield from self._database.execute(query, values)
-
-
-def _row(values: tuple[Any, ...]) -> Row:
-    data = dict(zip(COLUMNS, values, strict=True))
-    return Row(**data | {name: None if data[name] is None else json.loads(data[name]) for name in _JSON})
 
 
 @contextmanager
@@ -170,6 +195,6 @@ def refusal(path: Path, problem: str, valid: str) -> InputError:
     return InputError(f"'{path}' {problem}; valid is {valid}", field="file", value=str(path), valid=valid)
 
 
-def to_json(data: Any) -> str:
-    """Text that is the same for the same data."""
-    return json.dumps(data, sort_keys=True, ensure_ascii=False)
+def digest_of(specification: Mapping[str, Any]) -> str:
+    """Name of what a file is for: changes with anything in it, not with the order of keys."""
+    return hashlib.sha256(json.dumps(specification, sort_keys=True).encode()).hexdigest()

@@ -10,8 +10,9 @@ import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import IO
 
+from flipdiagram.errors import InputError
+from flipdiagram.files import check_file
 from flipdiagram.flips.store import SCHEMA, Store, errors, refusal
 
 VERSION = 2
@@ -30,16 +31,9 @@ def open_to_write(path: Path, meta: Mapping[str, str], resume: bool = True) -> I
         with errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             stack.enter_context(_sole_writer(path))
-            if path.exists() and path.stat().st_size > 0:
-                _check_header(path)
+            empty = _check(path, meta, resume)
             database = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
             stack.callback(database.close)
-            store = Store(path, database)
-            empty = database.execute("SELECT count(*) FROM sqlite_master").fetchone() == (0,)
-            if not empty:
-                _check_version(path, database)
-                _check_whole(database)
-                _check_same(store, meta, resume)
             # a writer that is killed leaves every committed row, and readers do not wait for it
             database.execute("PRAGMA journal_mode = WAL")
             stack.callback(_make_one_file, database)
@@ -47,29 +41,56 @@ def open_to_write(path: Path, meta: Mapping[str, str], resume: bool = True) -> I
             if empty:
                 with database:
                     _create(database, meta)
-        yield store
+        yield Store(path, database)
 
 
 @contextmanager
 def open_to_read(path: str | Path) -> Iterator[Store]:
     """The file of a campaign, also while it runs."""
-    path = Path(path)
-    if not path.is_file():
-        raise refusal(path, "is no file", "the campaign.sqlite of a campaign")
-    with errors(path), ExitStack() as stack:
-        _check_header(path)
-        database = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", timeout=PATIENCE, uri=True)
-        stack.callback(database.close)
+    path = check_file(path, "", "the campaign.sqlite of a campaign")
+    with _reading(path) as database:
         _check_version(path, database)
         store = Store(path, database)
-        if "specification" not in store.meta():
-            raise refusal(path, "holds flips, but not of a campaign", "a campaign.sqlite")
+        if store.specification is None:
+            raise refusal(store.path, "holds flips, but not of a campaign", "a campaign.sqlite")
         yield store
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[sqlite3.Connection]:
+    """A database that nothing here can change."""
+    with errors(path), ExitStack() as stack:
+        _check_kinds(path)
+        database = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", timeout=PATIENCE, uri=True)
+        stack.callback(database.close)
+        yield database
+
+
+def _check(path: Path, meta: Mapping[str, str], resume: bool) -> bool:
+    """InputError unless the file is one to go on with; whether there is none, or an empty one."""
+    if not os.path.lexists(path):
+        return True
+    if check_file(path, "", "a file of this program, or none").stat().st_size == 0:
+        return True
+    with _reading(path) as database:
+        if database.execute("SELECT count(*) FROM sqlite_master").fetchone() == (0,):
+            return True
+        _check_version(path, database)
+        store = Store(path, database)
+        if store.meta().get("digest") != meta["digest"]:
+            raise refusal(path, "holds another campaign", "the same specification, or another --out")
+        done = store.done()  # each row is checked
+        if not resume:
+            problem = f"holds {len(done)} of {meta['rows']} flips of this campaign"
+            raise refusal(path, problem, "--resume to go on, or another --out")
+    return False
 
 
 def is_running(path: Path) -> bool:
     """Whether a process writes the file now."""
     try:
+        if not _lock_path(path).is_file():
+            return False
         with open(_lock_path(path), "rb") as lock:
             fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
             return False
@@ -95,16 +116,11 @@ def _create(database: sqlite3.Connection, meta: Mapping[str, str]) -> None:
     database.execute(f"PRAGMA user_version = {VERSION}")
 
 
-def _check_same(store: Store, meta: Mapping[str, str], resume: bool) -> None:
-    if store.meta().get("digest") != meta["digest"]:
-        raise refusal(store.path, "holds another campaign", "the same specification, or another --out")
-    if not resume:
-        problem = f"holds {len(store.done())} of {meta['rows']} flips of this campaign"
-        raise refusal(store.path, problem, "--resume to go on, or another --out")
-
-
-def _check_header(path: Path) -> None:
-    # SQLite itself would make a new database of some files that are none
+def _check_kinds(path: Path) -> None:
+    """SQLite would wait for a pipe beside the file, and make a new database of some files that are none."""
+    for beside in ("-wal", "-shm", "-journal"):
+        if os.path.lexists(name := f"{path}{beside}"):
+            check_file(name, "", "a file that SQLite wrote, or none")
     with open(path, "rb") as file:
         if file.read(16) != b"SQLite format 3\0":
             raise sqlite3.DatabaseError("file is not a database")
@@ -117,16 +133,11 @@ def _check_version(path: Path, database: sqlite3.Connection) -> None:
     if application == 0 and version == 1 and flips:
         problem = "is of version 1, written by a flipdiagram in which studies kept their flips in another way"
         raise refusal(path, problem, f"version {VERSION}: remove it, or another --out, as its flips are flown again")
-    if application != APPLICATION:
+    (others,) = database.execute("SELECT count(*) FROM sqlite_master WHERE type IN ('view', 'trigger')").fetchone()
+    if application != APPLICATION or others:
         raise refusal(path, "is a database, but not of a campaign or study", "a file of this program")
     if version > VERSION:
         raise refusal(path, f"is of version {version}, newer than this program", f"at most {VERSION}")
-
-
-def _check_whole(database: sqlite3.Connection) -> None:
-    (verdict,) = database.execute("PRAGMA quick_check(1)").fetchone()
-    if verdict != "ok":
-        raise sqlite3.DatabaseError(f"it is damaged: {' '.join(verdict.split())}")
 
 
 def _lock_path(path: Path) -> Path:
@@ -135,17 +146,26 @@ def _lock_path(path: Path) -> Path:
 
 @contextmanager
 def _sole_writer(path: Path) -> Iterator[None]:
-    """The kernel drops the lock with the process, however it ends; the file that carries it stays."""
-    lock: IO[str]
-    with open(_lock_path(path), "a+", encoding="utf-8") as lock:
+    """The kernel drops the lock with the process, however it ends; its file stays, save beside one that is refused."""
+    name = _lock_path(path)
+    if there := os.path.lexists(name):
+        check_file(name, "", "the lock of a run, or none")
+    with open(name, "a+", encoding="utf-8") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+            if not os.path.samestat(os.fstat(lock.fileno()), os.stat(name)):
+                raise FileNotFoundError  # another process has just taken it away
+        except (BlockingIOError, FileNotFoundError):
             lock.seek(0)
-            holder = lock.read().strip() or "another process"
+            holder = lock.read(200).strip() or "another process"
             raise refusal(path, f"is written by {holder} now", "to wait for it, or another --out") from None
         lock.seek(0)
         lock.truncate()
         lock.write(f"process {os.getpid()} on {platform.node()}")
         lock.flush()
-        yield
+        try:
+            yield
+        except InputError:
+            if not there:
+                name.unlink(missing_ok=True)
+            raise

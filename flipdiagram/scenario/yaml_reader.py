@@ -1,8 +1,8 @@
 """YAML 1.2 as plain data that knows its lines: what scenarios and specifications are read with.
 
-PyYAML parses; three things are added that no YAML library for Python has together: the plain scalars of YAML 1.2 alone
+PyYAML parses; four things are added that no YAML library for Python has together: the plain scalars of YAML 1.2 alone
 (PyYAML takes 1:30 for 90, 010 for 8 and yes for true; ruamel.yaml takes 1_000 and 0x10 for numbers), a refusal of keys
-that stand twice, and the line of every key.  A tag that would run code is refused.
+that stand twice, the line of every key, and a bound on what a text grows into by its aliases.
 """
 
 import re
@@ -19,7 +19,11 @@ Lines = dict[tuple[Hashable, ...], int]
 
 SECTIONS = "'section: {field: value}', as `flipdiagram scenario` prints"
 
+MOST_VALUES, DEEPEST = 20_000, 40
+"""Values that a text may have, counted again at each alias, and in how many others one may stand."""
+
 _short = reprlib.Repr()
+_short.maxlevel = 2
 _short.maxstring = _short.maxother = _short.maxlong = 60
 _short.maxlist = _short.maxtuple = _short.maxdict = 8
 
@@ -64,10 +68,39 @@ def show(value: Any) -> str:
 
 
 class _Loader(yaml.SafeLoader):
-    """The plain scalars of YAML 1.2."""
+    """The plain scalars of YAML 1.2, no tags of other kinds, few enough values, and none that holds itself."""
 
     yaml_implicit_resolvers: dict[str, list[Any]] = {}
 
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._values = self._depth = 0
+        self._sizes: dict[yaml.Node | None, int] = {}
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        """The next value, counted with all that it holds."""
+        event, before = self.peek_event(), self._values
+        self._values, self._depth = self._values + 1, self._depth + 1
+        self._check(event, self._depth <= DEEPEST, f"nested too deeply; valid are at most {DEEPEST} levels")
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        if isinstance(event, yaml.AliasEvent):
+            self._check(event, node in self._sizes, f"*{event.anchor} stands in what it means; valid is one beside it")
+            self._values = before + self._sizes[node]
+        elif node is not None:
+            plain = self.resolve(type(node), node.value, (True, False))
+            tags = (plain, self.DEFAULT_SCALAR_TAG, f"{TAG}float" if plain == f"{TAG}int" else plain)
+            self._check(event, node.tag in tags, f"tag {show(node.tag)} of {show(node.value)}; valid is none")
+        self._check(event, self._values <= MOST_VALUES, f"too many values; valid are at most {MOST_VALUES}")
+        self._sizes[node] = self._values - before
+        return node
+
+    def _check(self, event: Any, good: bool, problem: str) -> None:
+        if not good:
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
+
+
+TAG = "tag:yaml.org,2002:"
 
 for _tag, _pattern, _first in (
     ("null", r"null|Null|NULL|~|", ["n", "N", "~", ""]),
@@ -80,7 +113,7 @@ for _tag, _pattern, _first in (
     ),
     ("merge", r"<<", ["<"]),
 ):
-    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(rf"^({_pattern})$"), _first)
+    _Loader.add_implicit_resolver(f"{TAG}{_tag}", re.compile(rf"^({_pattern})$"), _first)
 
 
 def _read(text: str, source: str) -> tuple[Any, Lines]:
@@ -90,21 +123,18 @@ def _read(text: str, source: str) -> tuple[Any, Lines]:
         node = loader.get_single_node()
         if node is None:
             return None, lines
-        _number(node, (), lines, source, set())
+        _number(node, (), lines, source)
         return loader.construct_document(node), lines
     except yaml.YAMLError as error:
         mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None) or error
         line = f", line {mark.line + 1}" if mark is not None else ""
         raise ScenarioError(f"{source}{line}: not valid YAML: {' '.join(str(problem).split())}") from None
-    except (ValueError, RecursionError) as error:  # ValueError: a number of thousands of digits
+    except ValueError as error:  # a number of thousands of digits
         raise ScenarioError(f"{source}: not valid YAML: {' '.join(str(error).split())}") from None
 
 
-def _number(node: yaml.Node, path: tuple[Hashable, ...], lines: Lines, source: str, seen: set[int]) -> None:
+def _number(node: yaml.Node, path: tuple[Hashable, ...], lines: Lines, source: str) -> None:
     """Note the line of each key and item; refuse a key that stands twice, of which PyYAML keeps the last in silence."""
-    if id(node) in seen:  # an alias, perhaps of what holds it
-        return
-    seen.add(id(node))
     entries: list[tuple[Hashable, yaml.Node, yaml.Node]]
     if isinstance(node, yaml.SequenceNode):
         entries = [(index, item, item) for index, item in enumerate(node.value)]
@@ -120,4 +150,4 @@ def _number(node: yaml.Node, path: tuple[Hashable, ...], lines: Lines, source: s
                 " valid is once"
             )
         lines[at] = line
-        _number(value, at, lines, source, seen)
+        _number(value, at, lines, source)

@@ -112,6 +112,7 @@ _RECORDS = (
         Option("--watch", to=("instead",), type=Path, metavar="FILE", help="show a running campaign.sqlite"),
         Option("--analyse", to=_LOOK, type=Path, metavar="FILE", help=_ANALYSE),
         Option("--export", to=("instead",), type=Path, nargs=2, metavar=("FILE", "TO"), help=_EXPORT),
+        flag("--salvage", "of a damaged file export what is sound", to=("instead",)),
         JOBS,
         run=Later("campaign.study:fly"),
         figures=nothing,

@@ -21,7 +21,7 @@ from flipdiagram.campaign.study import report_section, write_analysis
 from flipdiagram.campaign.watch import status_grid, watch
 from flipdiagram.errors import InputError
 from flipdiagram.flips.outcome import MODES, mode_of
-from flipdiagram.flips.store import Row
+from flipdiagram.flips.row import Row
 from flipdiagram.flips.store_file import open_to_write
 
 NAMES = ("pd", "pd+ff", "pd+dob", "pd+ff+dob")
@@ -199,7 +199,9 @@ def test_watching_shows_what_is_there_and_how_long_it_takes(file, tmp_path):
     assert done and "60 of 60 flips, finished" in grid.title
     assert [row[:2] for row in grid.rows] == [["`pd`", "30/30"], ["`pd+ff+dob`", "30/30"]]
     specification, path = from_text(QUIET), tmp_path / "campaign.sqlite"
-    with open_to_write(path, {"digest": "", "specification": json.dumps(specification.as_dict())}) as results:
+    with open_to_write(
+        path, {"digest": specification.digest, "specification": json.dumps(specification.as_dict())}
+    ) as results:
         assert "0 of 60 flips" in status_grid(path)[0].title
         now = time.time()
         plain = ("h", {}, [1, 2], None, None, "c", {}, 1.0, "h", 1)

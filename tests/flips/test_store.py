@@ -6,6 +6,7 @@ import os
 import sqlite3
 import subprocess
 import sys
+import zlib
 from dataclasses import astuple, fields
 from pathlib import Path
 
@@ -20,12 +21,14 @@ from flipdiagram.flips import store_file
 from flipdiagram.flips.flight import Flight, Landed
 from flipdiagram.flips.order import row_of
 from flipdiagram.flips.outcome import Outcome
-from flipdiagram.flips.store import SCHEMA, Row
+from flipdiagram.flips.row import Row
+from flipdiagram.flips.store import SCHEMA, digest_of
 from flipdiagram.flips.store_file import APPLICATION, is_running, open_to_read, open_to_write
 from flipdiagram.simulation.events import Touchdown
 from flipdiagram.simulation.metrics import FlipMetrics
 
-META = {"digest": "d", "specification": "{}", "rows": "60"}
+WORLD = {"trials": 2000, "architectures": ["pd"], "vary": [{"name": "a"}, {"name": "b"}]}
+META = {"digest": digest_of(WORLD), "specification": json.dumps(WORLD), "rows": "60"}
 
 
 def row(k, text="x"):
@@ -180,7 +183,7 @@ def test_a_file_of_version_1_of_a_study_is_refused_and_left_alone(tmp_path):
 
 def test_a_file_of_version_1_of_a_campaign_is_read_and_gone_on_with(tmp_path):
     path = tmp_path / "campaign.sqlite"
-    columns = SCHEMA.replace("trial NOT NULL", "trial INTEGER NOT NULL")
+    columns = SCHEMA.replace("trial ANY NOT NULL", "trial INTEGER NOT NULL")
     assert columns != SCHEMA
     with sqlite3.connect(path) as database:
         database.executescript(columns)
@@ -210,16 +213,16 @@ def test_a_row_with_numbers_that_are_none_comes_back_as_it_was():
 
 def test_plans_are_kept_and_why_there_is_none(tmp_path):
     with open_to_write(tmp_path / "deep" / "runs.sqlite", META) as store:
-        store.put_plans({"p": (b"packed", None), "q": (None, "too far")})
+        store.put_plans({"p": (zlib.compress(b"packed"), None), "q": (None, "too far")})
     with open_to_write(tmp_path / "deep" / "runs.sqlite", META) as store:
-        assert [store.plan(key) for key in "pqr"] == [(b"packed", None), (None, "too far"), None]
+        assert [store.plan(key) for key in "pqr"] == [(zlib.compress(b"packed"), None), (None, "too far"), None]
 
 
 def test_every_row_is_on_the_disk_before_the_next_is_begun(tmp_path):
     """A process that is killed in the middle of writing leaves all that it had put."""
     program = (
         "import os, signal, sys; from pathlib import Path\n"
-        "from flipdiagram.flips.store import Row; from flipdiagram.flips.store_file import open_to_write\n"
+        "from flipdiagram.flips.row import Row; from flipdiagram.flips.store_file import open_to_write\n"
         f"with open_to_write(Path(sys.argv[1]), {META}) as store:\n"
         f"    for k in range(20): store.put([Row(k, *{astuple(row(0))[1:]}).packed()])\n"
         "    os.kill(os.getpid(), signal.SIGKILL)\n"
@@ -247,7 +250,7 @@ def test_a_damaged_file_is_refused(file):
     data = bytearray(file.read_bytes())
     data[4096 * 6 :] = b"\xff" * (len(data) - 4096 * 6)
     file.write_bytes(bytes(data))
-    refused(file, "cannot be used")
+    refused(file, "damaged")
 
 
 def test_a_full_disk_is_one_line_and_what_was_finished_stays(file):
@@ -271,5 +274,5 @@ def test_a_place_where_nothing_can_be_written_is_named(tmp_path):
     (tmp_path / "folder" / "campaign.sqlite").mkdir(parents=True)
     refused(tmp_path / "folder" / "campaign.sqlite")
     refused(Path("/proc/self/runs.sqlite"), reading=False)  # where even root may not
-    with pytest.raises(InputError, match="is no file"), open_to_read(tmp_path / "nothing"):
+    with pytest.raises(InputError, match="No such file"), open_to_read(tmp_path / "nothing"):
         pass

@@ -160,7 +160,7 @@ BAD = {
     "control character": ("\0", "not valid YAML"),
     "bottomless": ("[" * 5000, "not valid YAML"),
     "endless number": ("object: {mass: " + "9" * 5000 + "}", "not valid YAML"),
-    "its own parent": ("a: &a {b: *a}", "'a' does not exist"),
+    "its own parent": ("object: &a {mass: *a}", "not valid YAML", "*a stands in what it means"),
     "a key that cannot be one": ("? [1]\n: 2", "not valid YAML"),
 }
 
@@ -321,9 +321,53 @@ def test_the_reader_refuses_with_the_line(text, message):
     assert re.fullmatch(message, str(caught.value))
 
 
-def test_an_alias_of_what_holds_it_is_read_not_walked_for_ever():
-    data, lines = read_mapping("a: &a\n  b: *a", "campaign")
-    assert data["a"]["b"] is data["a"] and lines == {("a",): 1, ("a", "b"): 2}
+def test_an_alias_and_a_merge_are_read():
+    data, lines = read_mapping("a: &a {b: 1}\nc: *a\nd: {<<: *a, e: 2}", "campaign")
+    assert data == {"a": {"b": 1}, "c": {"b": 1}, "d": {"b": 1, "e": 2}}
+    assert line_of(lines, ["c", "b"]) == ", line 1" and line_of(lines, ["d", "e"]) == ", line 3"
+
+
+def test_a_tag_may_say_what_a_value_is():
+    assert read_mapping("{a: !!float 1, b: !!str 2, c: !!int '3', d: !!bool true}", "")[0] == {
+        "a": 1.0,
+        "b": "2",
+        "c": 3,
+        "d": True,
+    }
+
+
+BOMB = "a0: &a0 [1, 1]\n" + "".join(f"a{k + 1}: &a{k + 1} [{', '.join([f'*a{k}'] * 9)}]\n" for k in range(30))
+# Each row: YAML, then what its one line must contain.
+NO_YAML = {
+    "aliases that multiply": (BOMB, "line 5", "too many values; valid are at most 20000"),
+    "merges that multiply": (
+        BOMB.replace("[1, 1]", "{b: 1}").replace("[*", "{<<: [*").replace("]\n", "]}\n"),
+        "line 5",
+        "too many",
+    ),
+    "merge of itself": ("a: &a {<<: *a}", "line 1", "*a stands in what it means"),
+    "list of itself": ("a: &a [[*a, *a]]", "line 1", "*a stands in what it means"),
+    "deep": ("a:\n  " + "[" * 50, "line 2", "nested too deeply; valid are at most 40 levels"),
+    "no truth value": ("a:\n  b: !!bool abc", "line 2", "tag 'tag:yaml.org,2002:bool' of 'abc'"),
+    "no number": ("a: !!int abc", "line 1", "2002:int' of 'abc'"),
+    "empty number": ("a: !!float ''", "line 1", "2002:float' of ''"),
+    "no time": ("a: !!timestamp abc", "line 1", "2002:timestamp' of 'abc'"),
+    "a time": ("a: !!timestamp 2026-02-30T00:00:00+99:99", "line 1", "2002:timestamp'"),
+    "no bytes": ("a: !!binary é", "line 1", "2002:binary'"),
+    "a set": ("a: !!set {b}", "line 1", "2002:set'"),
+    "pairs": ("a: !!omap [3]", "line 1", "2002:omap'"),
+    "merge of a number": ("a: {<<: 3}", "line 1", "expected a mapping"),
+    "merge as a value": ("a: <<", "line 1", "merge"),
+}
+
+
+@pytest.mark.parametrize("case", NO_YAML.values(), ids=NO_YAML)
+def test_what_grows_or_is_of_another_kind_is_refused_with_its_line(case):
+    text, *words = case
+    with pytest.raises(InputError) as caught:
+        read_mapping(text, "campaign")
+    assert all(word in str(caught.value) for word in ["not valid YAML", *words]), str(caught.value)
+    assert len(str(caught.value)) < 300
 
 
 def test_the_encoder_of_the_mh3fs_motors_is_not_guessed_of_another_arm():
