@@ -20,7 +20,7 @@ from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.program import HorizonProgram, Solution
 from flipdiagram.planning.rows import Linearisation, Rows
 from flipdiagram.robot.arm import ArmModel
-from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.scenario.scenario import Scenario, farthest
 from flipdiagram.theory import contact
 
 Program = HorizonProgram | CondensedProgram
@@ -28,6 +28,8 @@ CONDENSED = "daqp"
 """`planner.solver` by which the condensed program is chosen."""
 ELASTIC = "clarabel"
 """Solver of the elastic program where the plain one is the condensed program."""
+PLANNED = ("tool", "object", "table", "task", "planner")
+"""Sections whose numbers stand in the program."""
 GROUPS = (*constraints.GROUPS, *limits.KINDS)
 FIRST_TRUST = 1.0
 """Trust radius on θ [rad] of the first linearisation; halved whenever the iterates move apart."""
@@ -232,7 +234,8 @@ class Convexification:
                 if not rescue:
                     raise PlanningError(f"the program has no solution: {solution.status}")
                 if elastic:
-                    raise PlanningError(f"the solver gave up on the elastic program: {solution.status}")
+                    far = ", ".join(farthest(self.scenario, PLANNED)) or "every number is at its default"
+                    raise PlanningError(f"the solver gave up: {solution.status}; farthest from the defaults: {far}")
                 elastic = True
                 continue
             states, inputs = self.layout.unpack(solution.w)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -26,7 +26,7 @@ from flipdiagram.scenario.joints import Drive, Joints, Sensors
 from flipdiagram.scenario.motion import Planner, Task
 from flipdiagram.scenario.one_dof import Frequency, OneDof, check_nyquist
 from flipdiagram.scenario.place import Place
-from flipdiagram.scenario.text import Section, dump, fields_of, invalid, override, quantity, validate
+from flipdiagram.scenario.text import Section, dump, fields_of, invalid, override, quantity, spans_of, validate
 from flipdiagram.scenario.yaml_reader import read_mapping
 
 FILES = ("arm.file", "tool.file", "object.file")
@@ -167,6 +167,22 @@ class Scenario(Section):
     def to_yaml(self, comments: bool = False) -> str:
         """YAML that `from_yaml` reads back exactly; with comments, each field's text and unit."""
         return dump(self, comments)
+
+
+def farthest(scenario: Scenario, sections: Collection[str], most: int = 3) -> list[str]:
+    """'field = value' of those numbers that are nearest to an end of their range, the first the nearest."""
+    shares = {}
+    for path, field in fields_of(Scenario).items():
+        value, default = value_of(scenario, path), field.default
+        if path.split(".")[0] in sections and isinstance(default, float) and value != default:
+            ((low, high),) = spans_of(field)
+            end = high if value > default else low
+            there, before, last = (
+                math.log(x) if low > 0 else math.asinh(x / (abs(default) or 1.0)) for x in (value, default, end)
+            )
+            shares[path] = (there - before) / (last - before)
+    ranked = sorted(shares, key=lambda path: -shares[path])
+    return [f"{path} = {value_of(scenario, path)!r}" for path in ranked[:most]]
 
 
 def field_paths() -> list[str]:

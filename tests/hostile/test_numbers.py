@@ -1,7 +1,14 @@
 """Numbers beyond sense: each is refused in one line that names the field and its range."""
 
+import math
+
 import pytest
 from hostile.table import Case, check
+
+from flipdiagram.campaign.specification_file import SpecificationFile
+from flipdiagram.campaign.tuning import TuneSection
+from flipdiagram.scenario.text import spans_of
+from flipdiagram.studies.calibrate.section import CalibrateSection
 
 SPECIFICATION = "vary: {object.mass: {uniform: [0.05, 0.07]}}\ntrials: 2\n"
 
@@ -35,6 +42,17 @@ CASES = [
         2,
         ("'simulation.settle_time' = 600.0", "about 320 min", "--yes"),
     ),
+    Case(
+        "a solver that gives up",
+        [
+            "plan",
+            "--planner.sampling_time=0.5",
+            "--planner.contact_samples=[10, 10]",
+            "--planner.flight_samples=[4, 4]",
+        ],
+        3,
+        ("farthest from the defaults: planner.sampling_time = 0.5",),
+    ),
     Case("too long a study", ["frequency", "--one_dof.step=1e-7"], 2, ("'frequency.lowest' = 0.1", "--yes")),
     Case("jobs of 30 digits", ["flip", "--jobs", "9" * 30], 2, ("--jobs", "from 1 to 1000")),
     Case("jobs of 5000 digits", ["flip", "--jobs", "9" * 5000], 2, ("--jobs", "from 1 to 1000")),
@@ -51,3 +69,11 @@ CASES = [
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_a_number_beyond_sense_is_one_line(case, tmp_path, monkeypatch, capfd):
     check(case, tmp_path, monkeypatch, capfd)
+
+
+def test_every_number_of_a_specification_has_a_lowest_and_a_highest_value():
+    for section in (SpecificationFile, TuneSection, CalibrateSection):
+        for name, field in section.model_fields.items():
+            if field.annotation in (int, float):
+                ((low, high),) = spans_of(field)
+                assert -math.inf < low < high < math.inf, name

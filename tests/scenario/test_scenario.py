@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from flipdiagram.errors import InputError
-from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, field_paths, from_mapping, from_yaml, load
+from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, farthest, field_paths, from_mapping, from_yaml, load
 from flipdiagram.scenario.text import describe_valid, fields_of, spans_of, unit_of
 from flipdiagram.scenario.yaml_reader import line_of, parse_value, read_mapping
 
@@ -264,6 +264,14 @@ def test_with_overrides_leaves_the_original_alone():
     scenario = Scenario()
     changed = scenario.with_overrides({"controller.k_p": 400})
     assert (scenario.controller.k_p, changed.controller.k_p) == (350.0, 400.0)
+
+
+def test_the_numbers_nearest_to_the_ends_of_their_ranges_come_first():
+    changes = {"planner.smoothing": 0.5, "object.mass": 0.06, "task.start_y": -0.35, "table.friction": 0.02}
+    changed = Scenario().with_overrides(changes | {"controller.k_p": 1e8})
+    sections = ("object", "task", "planner", "table")
+    assert farthest(changed, sections) == ["planner.smoothing = 0.5", "table.friction = 0.02", "task.start_y = -0.35"]
+    assert farthest(Scenario(), sections) == []
 
 
 @pytest.mark.parametrize(
