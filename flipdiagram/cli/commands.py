@@ -12,7 +12,7 @@ from typing import Any
 
 from flipdiagram.files import check_output_directory, remove_left, sole_use, versions
 from flipdiagram.grid import Grid, console
-from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.scenario.scenario import FILES, Scenario, value_of
 from flipdiagram.scenario.work import check_work
 from flipdiagram.studies.registry import STUDIES
 from flipdiagram.studies.study import Study, silent
@@ -29,6 +29,10 @@ def run_study(study: Study, arguments: argparse.Namespace, scenario: Scenario) -
     given = vars(arguments)
     if not given["yes"]:
         check_work(scenario, study.work)
+    if any(value_of(scenario, field) for field in FILES):
+        from flipdiagram.robot.parts import arm_of
+
+        arm_of(scenario)  # raises InputError for a model file that cannot be, before anything is written
     if study.instead is not None and study.instead(scenario, **study.given(given, "instead")):
         return
     study = next((STUDIES[name] for option, name in study.otherwise.items() if given[option]), study)

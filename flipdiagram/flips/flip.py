@@ -13,7 +13,7 @@ from flipdiagram.diagrams.controller import check_architecture
 from flipdiagram.errors import InputError
 from flipdiagram.files import read_file, versions
 from flipdiagram.robot.model_files import urdf_directory
-from flipdiagram.scenario.scenario import FILES, Controller, Scenario
+from flipdiagram.scenario.scenario import FILES, Controller, Scenario, value_of
 
 PLAN_SECTIONS = ("arm", "tool", "object", "table", "task", "planner")
 """What a plan depends on; a test checks that nothing else changes it."""
@@ -90,8 +90,7 @@ def _models(scenario: Scenario) -> list[str]:
     """Digests of the model files that a scenario names: they may change under the same name."""
     digests = []
     for field in FILES:
-        section, name = field.split(".")
-        if path := getattr(getattr(scenario, section), name):
+        if path := value_of(scenario, field):
             with suppress(InputError):  # who runs the flip says that it cannot be read
                 digests.append(f"{field} {hashlib.sha256(read_file(path, field, 'a file')).hexdigest()}")
     return digests

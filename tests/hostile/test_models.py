@@ -121,7 +121,11 @@ THINGS = [
     own("an empty file", "object", "", "is not valid XML"),
     own("an arm", "object", sdf(), "has 8 bodies; valid is one"),
     own("a mass below 0", "object", BLOCK.replace("<mass>0", "<mass>-0"), "mass = '-0.061'"),
-    own("another mass", "object", HEAVY, "weighs 0.2 kg", command=("flip", "--architecture", "pd")),
+    *(
+        own(f"another mass, {words[0]}", "object", HEAVY, "weighs 0.2 kg", command=words)
+        for words in (("flip", "--yes"), ("place",), ("experiment", "--yes"), ("borders", "--yes"), ("frequency",))
+    ),
+    Case("object: another mass, diagram", ["diagram", "--object.file", "object.sdf"], 2, ("object.file = 'object.sdf' weighs 0.2 kg",), {"object.sdf": HEAVY}),
     own("another mass", "tool", SPATULA.replace('mass value="0.15"', 'mass value="0.3"'), "weighs 0.3 kg; valid is tool.mass = 0.15 kg"),
     own("another blade", "tool", SPATULA, "valid is a box from (-0.05, -0.05,", words=("--tool.blade_width", "0.1")),
     own("no collision shape", "tool", NO_SHAPE.sub("", SPATULA), "has no collision shape"),
