@@ -16,8 +16,6 @@ from flipdiagram.scenario.scenario import ARCHITECTURES, Architecture
 from flipdiagram.scenario.text import Section
 from flipdiagram.scenario.yaml_reader import Lines, line_of, read_mapping, show
 
-LARGEST = 1_000_000
-"""Characters that a specification may have."""
 MOST_TRIALS = 10_000_000
 VARY = "'field: {distribution: [numbers]}', at least one"
 
@@ -100,6 +98,4 @@ def read(path: str | Path) -> Source:
 
 def parse(text: str, name: str = "campaign.yaml") -> Source:
     """The text; `name` stands for it in errors.  InputError where it is no YAML mapping."""
-    if len(text) > LARGEST:
-        raise InputError.of(f"campaign '{name}': characters", len(text), f"at most {LARGEST}")
     return Source(name, text, *read_mapping(text, f"campaign '{name}'", "'vary: {field: …}' and so on"))

@@ -185,7 +185,7 @@ class Plan:
         """Read what `to_json` wrote; raises InputError where it is something else."""
         try:
             data = json.loads(text)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise InputError(f"{source} is not valid JSON: {error}", field=source, valid="JSON") from None
         if not isinstance(data, dict) or data.pop("schema", None) != SCHEMA:
             raise InputError.of(source, None, f"a file with schema '{SCHEMA}'", f"{source} is no plan file")

@@ -13,11 +13,12 @@ from matplotlib.axes import Axes
 from flipdiagram.errors import InputError
 from flipdiagram.files import atomic_path
 from flipdiagram.results import plots
-from flipdiagram.results.signals import check_recording, components
+from flipdiagram.results.signals import components
 from flipdiagram.scenario import scenario
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation import metrics
 from flipdiagram.simulation.metrics import FlipMetrics
+from flipdiagram.simulation.recording_files import check_recording
 
 
 @xr.register_dataset_accessor("flip")

@@ -18,8 +18,9 @@ from flipdiagram.planning.plan import Plan
 from flipdiagram.results import plots
 from flipdiagram.results.differences import Change, changes, comparable, leaves
 from flipdiagram.results.opening import Source, read
-from flipdiagram.results.signals import check_recording, components, field_unit, flat, scenario_fields
+from flipdiagram.results.signals import components, field_unit, flat, scenario_fields
 from flipdiagram.simulation.metrics import measure
+from flipdiagram.simulation.recording_files import check_recording
 
 SECOND = {"color": "#CC79A7", "linestyle": "--", "zorder": 2.7}
 """The line of the second recording where both are of one architecture."""

@@ -11,7 +11,7 @@ from flipdiagram.grid import Grid, number
 from flipdiagram.planning.plan import SCHEMA as PLAN_SCHEMA
 from flipdiagram.planning.plan import Plan
 from flipdiagram.results.opening import BROKEN, CAMPAIGN, AnyPath, Source, damaged, read
-from flipdiagram.results.signals import check_recording, components, flat, scenario_fields
+from flipdiagram.results.signals import components, flat, scenario_fields
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.metrics import measure
 from flipdiagram.studies.registry import STUDIES
@@ -30,7 +30,10 @@ def info(path: AnyPath) -> Grid:
     if source.kind == "recording" and source.data is not None:
         rows += _recording(source.data)
     elif source.data is not None:
-        rows += (_flips(source.data) if source.kind == CAMPAIGN else []) + _variables(source.data)
+        try:
+            rows += (_flips(source.data) if source.kind == CAMPAIGN else []) + _variables(source.data)
+        except BROKEN as error:
+            raise damaged(source.path, error) from error
     elif source.plan is not None:
         rows += [("schema", PLAN_SCHEMA), *_plan(source.plan)]
     else:
@@ -39,11 +42,10 @@ def info(path: AnyPath) -> Grid:
 
 
 def _recording(data: xr.Dataset) -> Rows:
-    check_recording(data)
     time, measured = data["time"].values, measure(data)
     landed = measured.touchdown
     # a placement carries the study that judged it
-    study = STUDIES[str(data.attrs.get("study", "turnover"))]
+    study = STUDIES.get(str(data.attrs.get("study", "turnover")), STUDIES["turnover"])
     success = bool(data.attrs.get("success", measured.success))
     failure = data.attrs.get("failure", measured.failure)
     end, planned = float(data.attrs["end_time_s"]), float(data.attrs["release_time_s"])

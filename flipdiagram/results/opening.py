@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,9 +12,11 @@ import xarray as xr
 
 from flipdiagram.campaign import dataset
 from flipdiagram.errors import InputError
+from flipdiagram.files import RESULT_BYTES, check_file, read_text
 from flipdiagram.planning.plan import SCHEMA as PLAN_SCHEMA
 from flipdiagram.planning.plan import Plan
-from flipdiagram.simulation.recording_files import load_recording
+from flipdiagram.simulation.recording import SCHEMA as RECORDING_SCHEMA
+from flipdiagram.simulation.recording_files import check_recording, open_netcdf
 from flipdiagram.studies.registry import STUDIES
 
 CAMPAIGN = "campaign data"
@@ -28,6 +29,8 @@ VALID = (
     "a recording (.nc), summary.json, tuning.json, plan.json, frequency.nc, a campaign (.sqlite, .csv,"
     " .parquet, .nc), or a folder that holds one"
 )
+DEEPEST = 40
+"""Levels of lists and mappings that a summary may have."""
 BROKEN = (KeyError, TypeError, ValueError, IndexError, AttributeError)
 """What reading a summary raises where an entry is missing or of another kind."""
 AnyPath = str | os.PathLike[str]
@@ -84,7 +87,7 @@ def read(path: AnyPath) -> Source:
         return Source(file, CAMPAIGN, dataset.load_dataset(file))
     if file.suffix in (".csv", ".parquet"):
         try:
-            return Source(file, CAMPAIGN, dataset.read_table(file))
+            return Source(file, CAMPAIGN, dataset.read_table(check_file(file, "", VALID)))
         except ImportError:
             install = "pip install 'flipdiagram[parquet]'"
             raise _refused(file, "needs pyarrow, which is not installed; install it with", install, ": ") from None
@@ -126,13 +129,13 @@ def damaged(file: Path, reason: object) -> InputError:
 
 
 def _read_json(file: Path) -> Source:
+    text = read_text(file, "", VALID, RESULT_BYTES)
     try:
-        text = file.read_text(encoding="utf-8")
         content = json.loads(text)
-    except OSError as error:
-        raise _refused(file, f"cannot be read: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:  # not UTF-8 is a ValueError too
+    except (ValueError, RecursionError) as error:
         raise damaged(file, f"not valid JSON: {error}") from None
+    if _is_deep(content):
+        raise damaged(file, f"nested in more than {DEEPEST} levels")
     schema = content.get("schema") if isinstance(content, dict) else None
     match = re.fullmatch(r"flipdiagram/(\w+)/(\d{1,9})", schema) if isinstance(schema, str) else None
     known = {study.name: study.schema for study in STUDIES.values()} | {"motion": PLAN_SCHEMA}
@@ -149,16 +152,18 @@ def _read_json(file: Path) -> Source:
     return Source(file, match[1], summary=content)
 
 
+def _is_deep(content: Any) -> bool:
+    level = [content]
+    for _ in range(DEEPEST):
+        held = (item for item in level if isinstance(item, dict | list))
+        level = [item for one in held for item in (one.values() if isinstance(one, dict) else one)]
+    return bool(level)
+
+
 def _read_dataset(file: Path) -> Source:
-    try:
-        data = load_recording(file)
-    except OSError as error:
-        raise damaged(file, error.strerror or error) from None
-    # what scipy and xarray raise for bytes that are no NetCDF, or that end too early
-    except (*BROKEN, LookupError, ArithmeticError, MemoryError, struct.error) as error:
-        raise damaged(file, f"no NetCDF 3, or cut off ({error})") from None
-    if "x_cmd" in data and "time" in data.sizes and "architecture" in data.attrs:
-        return Source(file, "recording", data)
+    data = open_netcdf(file)
+    if data.attrs.get("schema") == RECORDING_SCHEMA or "x_cmd" in data:
+        return Source(file, "recording", check_recording(data, f"'{file}'"))
     if "linear_peak_x" in data and "omega" in data.coords:
         return Source(file, "frequency data", data)
     if {"trial", "architecture"} <= set(data.sizes) and "outcome" in data:

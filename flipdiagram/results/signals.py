@@ -12,23 +12,6 @@ from flipdiagram.scenario import text
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.scenario.yaml_reader import read_mapping
 
-NEEDED = ("x", "x_cmd", "v", "v_cmd", "a", "a_cmd", "q", "qd", "tau", "block_pose", "tool_pose", "contact_force")
-"""What every recording holds; see `flipdiagram.simulation.recording`."""
-ATTRIBUTES = ("architecture", "release_time_s", "end_time_s")
-
-
-def check_recording(data: xr.Dataset) -> xr.Dataset:
-    """The Dataset, if it is a recording with at least one sample; else InputError that names what is missing."""
-    missing = [f"signal '{name}'" for name in NEEDED if name not in data.data_vars]
-    missing += [f"attribute '{name}'" for name in ATTRIBUTES if name not in data.attrs]
-    if data.sizes.get("time", 0) < 2:
-        missing.append("two samples on 'time'")
-    if missing:
-        what, valid = ", ".join(missing[:3]) + (", …" if len(missing) > 3 else ""), "what `flipdiagram flip` records"
-        message = f"this Dataset is no recording: it lacks {what}; valid is {valid}"
-        raise InputError(message, field="recording", value=missing, valid=valid)
-    return data
-
 
 def components(data: xr.Dataset, signal: str | None = None) -> list[xr.DataArray]:
     """The components of one signal, or of all that depend on time, over time alone; InputError for an unknown signal.

@@ -13,6 +13,7 @@ from typing import Any
 import yaml
 
 from flipdiagram.errors import ScenarioError
+from flipdiagram.files import TEXT_BYTES
 
 Lines = dict[tuple[Hashable, ...], int]
 """Line of the file by the path of a key, or of an item by its index: as pydantic's `loc` names them."""
@@ -118,6 +119,8 @@ for _tag, _pattern, _first in (
 
 def _read(text: str, source: str) -> tuple[Any, Lines]:
     lines: Lines = {}
+    if len(text) > TEXT_BYTES:
+        raise ScenarioError(f"{source} has {len(text)} characters; valid are at most {TEXT_BYTES}")
     try:
         loader = _Loader(text)
         node = loader.get_single_node()

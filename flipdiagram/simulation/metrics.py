@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from flipdiagram.arrays import Floats
+from flipdiagram.errors import InputError
 from flipdiagram.simulation.events import Touchdown, at_limit, release_index, strike_index, touchdown, touching
 from flipdiagram.simulation.recording import Recording, in_tool
 from flipdiagram.simulation.verdict import judge
@@ -90,7 +91,7 @@ def contact_after_release(data: Recording) -> float:
     time = data["time"].values
     period = float(time[1] - time[0])
     contact, beyond = touching(data, "blade-block"), data["x"].values[:, 2] > np.pi / 2
-    wanted = round(APART / period)
+    wanted = max(round(APART / period), 1)
     free = ~contact & beyond & (time > 0)
     run = np.convolve(free, np.ones(wanted), mode="valid") >= wanted
     if not run.any():
@@ -117,6 +118,8 @@ def velocity_delay(data: Recording, signal: str = "v") -> float:
     start, end = max(start, lags[-1]), min(end, len(time) - lags[-1])
     command = data["v_cmd"].values[start:end, :2]
     response = data[signal].values[:, :2]
+    if end <= start:  # recorded for too short a time to say
+        return float("nan")
     score = np.array([np.sum(command * response[start + lag : end + lag]) for lag in lags])
     best = int(np.argmax(score))
     if not 0 < best < len(lags) - 1:
@@ -129,7 +132,7 @@ def endpoint_vibration(data: Recording, signal: str = "v") -> float:
     """RMS velocity of the tool in y and z after the command has stopped, over `VIBRATION_WINDOW` [m/s]."""
     end = data.attrs["end_time_s"]
     after = data[signal].sel(time=slice(end, end + VIBRATION_WINDOW), axis=["y", "z"]).values
-    return float(np.sqrt(np.mean(np.sum(after**2, axis=-1))))
+    return float(np.sqrt(np.mean(np.sum(after**2, axis=-1)))) if after.size else float("nan")
 
 
 def max_torque(data: Recording, signal: str = "tau") -> Floats:
@@ -156,6 +159,10 @@ def saturated(data: Recording) -> float:
 
 def measure(data: Recording) -> FlipMetrics:
     """All metrics of one recording."""
+    time, end = data["time"].values, data.attrs["end_time_s"]
+    if not ((time >= 0) & (time <= end)).any():
+        span, valid = f"{time[0]:g} to {time[-1]:g} s", f"one that holds some of the motion, 0 to {end:g} s"
+        raise InputError.of("recording", span, valid, f"a recording from {span} cannot be judged")
     success, failure = judge(data)
     slip, lift = slip_and_lift(data)
     k = release_index(data)

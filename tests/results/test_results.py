@@ -592,7 +592,7 @@ def test_frequency_is_a_dataset_by_figure(tmp_path):
             '{"schema": "flipdiagram/borders/1", "versions": {}, "scenario": {}, "maps": [1], "variations": []}',
             "is damaged",
         ),
-        ("summary.json", b"\xff\xfe\x00", "not valid JSON"),
+        ("summary.json", b"\xff\xfe\x00", "not UTF-8 text"),
         ("plan.json", '{"schema": "flipdiagram/motion/1", "cost": 1}', "plan file"),
         ("plan.json", '{"schema": "flipdiagram/motion/9"}', "newer"),
         ("a.nc", b"not a NetCDF file at all", "is damaged"),
