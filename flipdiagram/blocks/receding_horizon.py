@@ -1,5 +1,7 @@
 """The box MPC in the full sense: it plans the rest of the motion again while the block is on the spatula."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -31,25 +33,34 @@ class Status(IntEnum):
     """Too little of the contact phase is left to plan again."""
 
 
+COUNTED = (Status.REPLANNED, Status.FAILED, Status.LATE)
+"""What attempts to plan again are counted as, outputs `replanned`, `failed`, `late`."""
+
+
 @dataclass(frozen=True)
 class Horizon:
-    """The state: the command in force, the one that takes over, and how the last attempt went.
+    """The state: the command in force and those that will take over in turn, and how the attempts went.
 
-    solve_time [s]; iterations: programs solved; margin: least distance to the friction angle in the plan [rad].
+    solve_time [s]; iterations: programs solved; margin: least distance to the friction angle in the plan [rad], all of
+    the last attempt.  counts: attempts of each `COUNTED` status so far.
     """
 
-    command: Command | None = None
-    following: Command | None = None
+    commands: tuple[Command, ...] = ()
     status: Status = Status.NONE
     solve_time: float = math.nan
     iterations: int = 0
     margin: float = math.nan
+    counts: tuple[int, ...] = (0, 0, 0)
 
     def at(self, t: float) -> Command | None:
         """The command in force at t [s] since the start of the motion."""
-        if self.following is not None and t >= self.following.begins - 1e-9:
-            return self.following
-        return self.command
+        begun = [command for command in self.commands if t >= command.begins - 1e-9]
+        return begun[-1] if begun else next(iter(self.commands), None)
+
+    def after(self, status: Status, **changes: Any) -> Horizon:
+        """The state after an attempt that ended so."""
+        counts = tuple(count + (status is kind) for count, kind in zip(self.counts, COUNTED, strict=True))
+        return replace(self, status=status, counts=counts, **changes)
 
 
 Replan = Callable[[Floats, Plan, float, Floats, float, float], Plan]
@@ -58,7 +69,7 @@ Replan = Callable[[Floats, Plan, float, Floats, float, float], Plan]
 
 @dataclass(frozen=True)
 class Timing:
-    """When the box plans again, all [s]: every `period`, in force one `delay` later, led over to in `blend`.
+    """When the box plans again, all [s]: every `period`, in force one `delay` later.
 
     deadline: a plan that took longer to compute is dropped; None: none is.  early: how long before the sample the
     event runs, so that it falls between two samples of the controller whatever the rounding.
@@ -66,23 +77,24 @@ class Timing:
 
     period: float
     delay: float
-    blend: float
     early: float
     deadline: float | None = None
 
     def __post_init__(self) -> None:
-        if not (self.period > 0 and self.delay >= 0 and self.blend > 0 and self.early > 0):
-            raise InputError.of("timing", self, "period, blend and early above 0, delay at least 0")
+        if not (self.period > 0 and self.delay >= 0 and self.early > 0):
+            raise InputError.of("timing", self, "period and early above 0, delay at least 0")
 
 
 class RecedingHorizonController(ModelPredictiveController):
-    """The MPC that replans: outputs x_cmd, v_cmd, a_cmd (6,), solve_time [s], iterations, status, cone_margin [rad].
+    """The MPC that replans: outputs x_cmd, v_cmd, a_cmd (6,), solve_time [s], iterations, status, cone_margin [rad],
+    and how many plans were `replanned`, `failed` and `late` so far.
 
     Inputs: x, v (6,) of the tool and q (n,), read at the events only, so nothing feeds through; optional `shift` (1,)
     [m], where the object sits on the blade along s.  `planner` plans once when the run starts, as in
     `ModelPredictiveController`; from `start_time` on, every `timing.period`, `again` plans the rest of the motion from
-    the measured tool (or, measured=False, from the command) as it will be when the new plan takes effect.  When that
-    fails or is late the last plan goes on.  The whole behaviour is in the Context's state.  Not scalar-convertible: it
+    the measured tool (or, measured=False, from the command) as it will be when the new plan takes effect.  The command
+    is led over to it as an error decays under the PD's `gains` K_p, K_v.  When that fails or is late the last plan goes
+    on.  The whole behaviour is in the Context's state.  Not scalar-convertible: it
     calls a planner of floats.
     """
 
@@ -94,13 +106,14 @@ class RecedingHorizonController(ModelPredictiveController):
         timing: Timing,
         *,
         joints: int,
+        gains: tuple[float, float],
         start_time: float = 0.0,
         measured: bool = True,
         fewest: int = 1,
     ) -> None:
         super().__init__(planner, hold, start_time, stand=True)
         self._again, self.timing = again, timing
-        self._measured, self._fewest = measured, fewest
+        self._gains, self._measured, self._fewest = gains, measured, fewest
         for name in ("x", "v"):
             self.input(name, CHANNELS)
         self.input("q", joints)
@@ -117,6 +130,9 @@ class RecedingHorizonController(ModelPredictiveController):
         self.output("iterations", 1, lambda horizon: [float(horizon.iterations)])
         self.output("status", 1, lambda horizon: [float(horizon.status)])
         self.output("cone_margin", 1, lambda horizon: [horizon.margin])
+        self.output("replanned", 1, lambda horizon: [float(horizon.counts[0])])
+        self.output("failed", 1, lambda horizon: [float(horizon.counts[1])])
+        self.output("late", 1, lambda horizon: [float(horizon.counts[2])])
 
     def horizon(self, context: Context) -> Horizon:
         """The state in this system's Context."""
@@ -130,8 +146,8 @@ class RecedingHorizonController(ModelPredictiveController):
 
     def followed(self, context: Context) -> Command | None:
         """The newest command in this system's Context."""
-        horizon = self.horizon(context)
-        return horizon.following or horizon.command
+        commands = self.horizon(context).commands
+        return commands[-1] if commands else None
 
     def _state_of(self, plan: Plan) -> Horizon:
         """The first command, led over from where the tool is held."""
@@ -140,47 +156,42 @@ class RecedingHorizonController(ModelPredictiveController):
         command = Command(plan)
         apart = float(np.abs(self._hold[:3] - plan.states[0, :3]).max())
         if apart > SAME_PLACE:
-            command = command.led_over_from(stand, self.timing.blend)
+            command = command.led_over_from(stand, self._gains)
         margin = plan.friction_angle - plan.max_sliding_angle
-        return Horizon(command, None, Status.PLANNED, plan.solve_time, plan.iterations, margin)
+        return Horizon((command,), Status.PLANNED, plan.solve_time, plan.iterations, margin)
 
     def _plan_again(self, context: Context, state: State) -> EventStatus:
         horizon, now = self.horizon(context), context.get_time() + self.timing.early - self.start_time
         command = horizon.at(now)
         if now < -1e-9 or command is None:
             return EventStatus.DidNothing()
-        begins = now + self.timing.delay
-        shift = self.value_in(context, "shift")[0] if self.GetInputPort("shift").HasValue(context) else command.shift
-        left = command.plan.release_time - (begins - command.begins)
-        if left < self._fewest * command.plan.sampling_time - 1e-9:
-            result = replace(horizon, status=Status.OVER)
+        horizon = replace(horizon, commands=horizon.commands[horizon.commands.index(command) :])
+        begins, last = now + self.timing.delay, horizon.commands[-1]
+        shift = self.value_in(context, "shift")[0] if self.GetInputPort("shift").HasValue(context) else last.shift
+        left = last.plan.release_time - (begins - last.begins)
+        if left < self._fewest * last.plan.sampling_time - 1e-9:
+            result = horizon.after(Status.OVER)
         else:
-            result = self._attempt(context, horizon, command, now, begins, float(shift))
+            result = self._attempt(context, horizon, now, begins, float(shift))
         state.get_mutable_abstract_state(self._state).set_value(result)
         return EventStatus.Succeeded()
 
-    def _attempt(
-        self, context: Context, horizon: Horizon, command: Command, now: float, begins: float, shift: float
-    ) -> Horizon:
-        kept = replace(horizon, command=command, following=None)
-        x, v, _ = (np.array(values) for values in command.at(begins))
+    def _attempt(self, context: Context, horizon: Horizon, now: float, begins: float, shift: float) -> Horizon:
+        """A new plan from what will be in force at `begins`; what the tool is off by now it will then still be."""
+        command, last = horizon.commands[0], horizon.commands[-1]
+        x, v, _ = (np.array(values) for values in last.at(begins))
         if self._measured:
             x_now, v_now, _ = (np.array(values) for values in command.at(now))
-            # what the tool is off by now it will still be off by when the new plan takes effect
             x += self.value_in(context, "x")[:3] - x_now
             v += self.value_in(context, "v")[:3] - v_now
         try:
-            q, elapsed = self.value_in(context, "q"), begins - command.begins
-            plan = self._again(of_object(x, v, shift), command.plan, elapsed, q, shift, command.begins)
+            q, elapsed = self.value_in(context, "q"), begins - last.begins
+            plan = self._again(of_object(x, v, shift), last.plan, elapsed, q, shift, last.begins)
         except PlanningError:
-            return replace(kept, status=Status.FAILED)
-        attempted = replace(
-            kept,
-            solve_time=plan.solve_time,
-            iterations=plan.iterations,
-            margin=plan.friction_angle - plan.max_sliding_angle,
-        )
+            return horizon.after(Status.FAILED)
+        margin = plan.friction_angle - plan.max_sliding_angle
+        measured = {"solve_time": plan.solve_time, "iterations": plan.iterations, "margin": margin}
         if self.timing.deadline is not None and plan.solve_time > self.timing.deadline:
-            return replace(attempted, status=Status.LATE)
-        following = Command(plan, begins, shift=shift).led_over_from(command, self.timing.blend)
-        return replace(attempted, following=following, status=Status.REPLANNED)
+            return horizon.after(Status.LATE, **measured)
+        following = Command(plan, begins, shift=shift).led_over_from(last, self._gains)
+        return horizon.after(Status.REPLANNED, commands=(*horizon.commands, following), **measured)

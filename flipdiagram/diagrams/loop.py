@@ -22,7 +22,7 @@ from flipdiagram.diagrams.sensing import Sensing, add_sensing
 from flipdiagram.diagrams.start import Start, start_of
 from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.planner import Planner
-from flipdiagram.planning.replanner import FEWEST, Replanner
+from flipdiagram.planning.replanner import Replanner, Replanning
 from flipdiagram.plants.cell import add_cell
 from flipdiagram.plants.handle import Cell
 from flipdiagram.plants.mujoco_cell import add_mujoco_cell
@@ -39,7 +39,7 @@ ENGINES: dict[str, Callable[[DiagramBuilder, Scenario, ArmModel, Floats], Cell]]
 """What adds a cell, by `simulation.engine`."""
 SATURATED = 1e-6
 """Relative distance to a torque limit below which a joint counts as too weak."""
-REPLANNING = ("solve_time", "iterations", "status", "cone_margin")
+REPLANNING = ("solve_time", "iterations", "status", "cone_margin", "replanned", "failed", "late")
 """Signals of an MPC that replans, beside the commands."""
 
 
@@ -123,6 +123,7 @@ def build_loop(
     replace: Mapping[str, Box] | None = None,
     meshcat: Meshcat | None = None,
     native: bool = False,
+    replanner: Callable[[], Replanning] | None = None,
 ) -> Loop:
     """Wire MPC, controller, sensors and cell of a scenario into one diagram, boxes named as in Fig. 4.
 
@@ -135,6 +136,7 @@ def build_loop(
         meshcat: where to show the cell.
         native: the controller as one box that computes the same, to rounding, in a fraction of the time; its boxes are
             then none of the diagram's.  Not with boxes of the user's own.
+        replanner: what makes that by which an MPC plans again, by default a `Replanner` of the scenario.
 
     Raises:
         InputError: for an unknown architecture, a bad number or a box that does not fit.
@@ -150,8 +152,13 @@ def build_loop(
     fine = scenario.simulation.step < period
     offset = period - scenario.simulation.step / 2 if fine else 0.0
 
+    def motion_again() -> Replanning:
+        return Replanner(scenario, arm)
+
     builder = DiagramBuilder()
-    mpc = builder.AddNamedSystem("mpc", _mpc(scenario, motion, start, planner or motion.plan))
+    mpc = builder.AddNamedSystem(
+        "mpc", _mpc(scenario, architecture, start, planner or motion.plan, replanner or motion_again)
+    )
     cell = ENGINES[scenario.simulation.engine](builder, scenario, arm, start.q)
     seen = add_sensing(builder, scenario, arm, cell.q, cell.qd, start.q, offset)
     signals = {**{name: mpc.GetOutputPort(name) for name in COMMANDS}, "q": seen.q, "qd": seen.qd}
@@ -201,28 +208,33 @@ def _record(
     return logs
 
 
-def _mpc(scenario: Scenario, motion: Planner, start: Start, planner: Callable[[], Plan]) -> ModelPredictiveController:
+def _mpc(
+    scenario: Scenario,
+    architecture: str,
+    start: Start,
+    planner: Callable[[], Plan],
+    replanner: Callable[[], Replanning],
+) -> ModelPredictiveController:
     """The MPC of the scenario: it plans once, or again and again."""
     settings, start_time = scenario.planner, scenario.simulation.lead_time
     if settings.replan_period is None:
         off = scenario.disturbance.start_error != 0
         return ModelPredictiveController(planner, start.pose, start_time, stand=off)
     timing = Timing(
-        settings.replan_period,
-        settings.compute_delay,
-        settings.blend_time,
-        scenario.controller.period / 4,
-        settings.replan_deadline,
+        settings.replan_period, settings.compute_delay, scenario.controller.period / 4, settings.replan_deadline
     )
+    again = replanner()
     return RecedingHorizonController(
         planner,
-        Replanner(scenario, motion.arm).replan,
+        again.replan,
         start.pose,
         timing,
-        joints=motion.arm.n_joints,
+        joints=len(start.q),
+        gains=(scenario.controller.k_p, scenario.controller.k_v),
         start_time=start_time,
-        measured=settings.replan_from == "measured",
-        fewest=FEWEST,
+        # without feed-forward the error of the tool is what accelerates it: a plan from the tool would take it away
+        measured=settings.replan_from == "measured" and "ff" in architecture.split("+"),
+        fewest=again.fewest,
     )
 
 

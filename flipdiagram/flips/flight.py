@@ -18,10 +18,12 @@ from flipdiagram.flips.flip import SOURCES, Flip, code_version
 from flipdiagram.flips.outcome import Outcome
 from flipdiagram.planning import Plan, plan_motion
 from flipdiagram.planning.planner import Planner
+from flipdiagram.planning.replanner import Replanner
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation import metrics
 from flipdiagram.simulation.recording_files import save_recording
+from flipdiagram.simulation.replans import replans
 from flipdiagram.simulation.simulate import simulate
 
 Planned = tuple[str | None, str | None]
@@ -106,15 +108,18 @@ def fly_flight(flight: Flight, plan: str) -> Landed:
         # the controller's M_n is of the arm as it is believed to be
         scenario = scenario.with_overrides({"controller.nominal_inertia": _inertia(flight.believed)})
     begin = time.perf_counter()
-    outcome = fly(scenario, flight.architecture, _plan(plan), flight.recording)
+    outcome = fly(scenario, flight.architecture, _plan(plan), flight.recording, flight.believed)
     return Landed(outcome, time.perf_counter() - begin, *provenance())
 
 
-def fly(scenario: Scenario, architecture: str, plan: Plan, recording: Path | None = None) -> Outcome:
-    """Run one flip here; writes its signals where a file for them is named."""
+def fly(
+    scenario: Scenario, architecture: str, plan: Plan, recording: Path | None = None, believed: Scenario | None = None
+) -> Outcome:
+    """Run one flip here; writes its signals where a file for them is named.  believed: by what an MPC plans again."""
     _quieten_drake()
+    planned_by = believed or scenario
     try:
-        run = simulate(scenario, architecture, plan)
+        run = simulate(scenario, architecture, plan, replanner=lambda: Replanner(planned_by, arm_of(planned_by)))
     except FlipdiagramError as error:
         kinds = {SimulationError: "diverged", PlanningError: "no plan", NoEquilibriumError: "no start"}
         kind = kinds.get(type(error), "refused")
@@ -123,7 +128,9 @@ def fly(scenario: Scenario, architecture: str, plan: Plan, recording: Path | Non
     if recording is not None:
         save_recording(run.recording, measured, recording, Flip(scenario, architecture).key)
     torque_use = float(np.max(np.array(measured.max_torque_Nm) / run.recording["tau"].attrs["limit"]))
-    return Outcome(measured, measured.failure, plan.summary(), torque_use)
+    again = replans(run.recording)
+    planned = plan.summary() | ({} if again is None else {"replanning": again})
+    return Outcome(measured, measured.failure, planned, torque_use)
 
 
 def provenance() -> tuple[str, dict[str, str], str]:

@@ -1,7 +1,10 @@
 """A plan as a command of the tool: begun at some time, led over from the command before it, for an object off-centre.
 
-The new plan starts where the tool is, the old command stood elsewhere; the difference e and its rate r at the change go
-to zero as a cubic p with p(0) = e, p'(0) = r, p(T) = p'(T) = 0, so x_cmd and v_cmd do not jump.
+The new plan starts where the tool is, the command before it stands elsewhere.  The difference, e and its rate r at the
+change, is added to the plan and decays as the feedback lets an error of the tool decay: p'' = −K_v p' − K_p p with
+p(0) = e, p'(0) = r.  So x_cmd and v_cmd do not jump, and a tool that is e behind its command and moves as planned asks
+for a_cmd + K_p p + K_v p', which is the planned acceleration itself: the feedback does not add to it what the new plan
+has already taken into account.
 """
 
 from __future__ import annotations
@@ -22,15 +25,16 @@ NOTHING: Three = (0.0, 0.0, 0.0)
 class Command:
     """x_cmd, v_cmd, a_cmd of (y, z, θ) over the time t since the start of the motion [s].
 
-    plan: for the object's centre, its time 0 at `begins`.  offset, rate: e [m, rad] and r [per s] at `begins`, gone
-    after `blend` [s].  shift: how far the object sits from the middle of the blade along the tangent s [m].
+    plan: for the object's centre, its time 0 at `begins`.  offset, rate: e [m, rad] and r [per s] at `begins`, which
+    decay by `gains`, K_p [1/s²] and K_v [1/s].  shift: how far the object sits from the middle of the blade along the
+    tangent s [m].
     """
 
     plan: Plan
     begins: float = 0.0
     offset: Three = NOTHING
     rate: Three = NOTHING
-    blend: float = 0.0
+    gains: tuple[float, float] = (0.0, 0.0)
     shift: float = 0.0
 
     @property
@@ -53,24 +57,37 @@ class Command:
         x, v, a = self.plan.at(t - self.begins)
         if self.shift:
             x, v, a = on_tool(x, v, a, self.shift)
-        tau = t - self.begins
-        if self.blend > 0 and tau < self.blend and (self.offset != NOTHING or self.rate != NOTHING):
-            T, s = self.blend, max(tau, 0.0) / self.blend
-            p = ((2 * s - 3) * s * s + 1, ((s - 2) * s + 1) * s * T)
-            dp = ((6 * s - 6) * s / T, (3 * s - 4) * s + 1)
-            ddp = ((12 * s - 6) / T**2, (6 * s - 4) / T)
-            for i, (e, r) in enumerate(zip(self.offset, self.rate, strict=True)):
-                x[i] += e * p[0] + r * p[1]
-                v[i] += e * dp[0] + r * dp[1]
-                a[i] += e * ddp[0] + r * ddp[1]
+        if self.offset != NOTHING or self.rate != NOTHING:
+            of_offset, of_rate = decay(*self.gains, max(t - self.begins, 0.0))
+            for signal, by_offset, by_rate in zip((x, v, a), of_offset, of_rate, strict=True):
+                for i, (e, r) in enumerate(zip(self.offset, self.rate, strict=True)):
+                    signal[i] += e * by_offset + r * by_rate
         return x, v, a
 
-    def led_over_from(self, last: Command, blend: float) -> Command:
+    def led_over_from(self, last: Command, gains: tuple[float, float]) -> Command:
         """This command with offset and rate such that it continues `last` at `begins`."""
         x, v, _ = last.at(self.begins)
         mine_x, mine_v, _ = replace(self, offset=NOTHING, rate=NOTHING).at(self.begins)
         e, r = ((old[0] - new[0], old[1] - new[1], old[2] - new[2]) for old, new in ((x, mine_x), (v, mine_v)))
-        return replace(self, offset=e, rate=r, blend=blend)
+        return replace(self, offset=e, rate=r, gains=gains)
+
+
+def decay(k_p: float, k_v: float, t: float) -> tuple[Three, Three]:
+    """p, p', p'' at t [s] of p'' = −k_v p' − k_p p: for p(0) = 1, p'(0) = 0, and for p(0) = 0, p'(0) = 1."""
+    half = k_v / 2
+    square = half * half - k_p
+    root = math.sqrt(abs(square))
+    if square > 0:
+        # both exponents are negative: cosh and sinh alone would overflow
+        slow, fast = math.exp((root - half) * t), math.exp(-(root + half) * t)
+        c, s = (slow + fast) / 2, (slow - fast) / (2 * root)
+    elif square < 0:
+        c, s = (math.exp(-half * t) * value for value in (math.cos(root * t), math.sin(root * t) / root))
+    else:
+        c, s = math.exp(-half * t), t * math.exp(-half * t)
+    p, dp = (c + half * s, s), (-k_p * s, c - half * s)
+    first, second = ((p[i], dp[i], -k_v * dp[i] - k_p * p[i]) for i in (0, 1))
+    return first, second
 
 
 def on_tool(x: list[float], v: list[float], a: list[float], shift: float) -> tuple[list[float], ...]:

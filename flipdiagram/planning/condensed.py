@@ -22,7 +22,7 @@ from flipdiagram.planning.constraints import Trajectory
 from flipdiagram.planning.dense import DenseProgram
 from flipdiagram.planning.horizon import INPUTS, STATES, STRIDE, Layout
 from flipdiagram.planning.model import LandingCost, flight
-from flipdiagram.planning.program import FREE_TRUST, TRUST_LENGTH, TURNING_RADIUS, Solution
+from flipdiagram.planning.program import FREE_TRUST, HOLD, LEVERS, TRUST_LENGTH, Solution, hold_of
 from flipdiagram.planning.rows import Rows
 from flipdiagram.robot.jit import compiled
 
@@ -59,7 +59,8 @@ class CondensedProgram:
         self._released = slice(STRIDE * layout.release, STRIDE * layout.release + STATES)
         self._equalities = 1 + (AXES if layout.n_brake else 0)
         """Landing height, and the tool's last velocity where it brakes."""
-        self._basis = unit_smoothing_basis(layout, sampling_time, smoothing)
+        self._jumps = smoothing / sampling_time
+        self._basis, self._diagonal = unit_smoothing_basis(layout, sampling_time, smoothing)
         self._drift = drift_basis(layout, sampling_time)
         self._lengths = np.tile([TRUST_LENGTH, TRUST_LENGTH, 1.0], layout.intervals)
         self._horizon = lru_cache(CACHED)(self._make_horizon)
@@ -73,9 +74,14 @@ class CondensedProgram:
 
     def update(self, start: Floats, point: Trajectory, landing: tuple[Floats, float], rows: Rows, trust: float) -> None:
         """New numbers, all as in `HorizonProgram.update`; the waiting samples pass at the start's constant velocity."""
-        horizon, drift = self._horizon(point.n_contact, point.n_flight), self._drift @ start
+        horizon, drift = self._horizon(point.n_contact, point.n_flight, point.passed), self._drift @ start
         map_, released = horizon.map, self._released
+        if point.passed:  # samples after the first that moves come sooner
+            drift[horizon.poses.reshape(-1, AXES)] -= point.passed * start[AXES:]
         f = (horizon.weight @ drift[released] + horizon.residual) @ horizon.gradient
+        if point.before is not None:
+            at = self.layout.u(self.layout.release - point.n_contact, 0)
+            f -= 2 * self._jumps * hold_of(point) * (np.square(LEVERS) * point.before) @ map_[at : at + AXES]
         # θ, and y and z once the trust has shrunk, at the samples that move; waiting ones follow from the start
         free = trust >= FREE_TRUST
         at, radius = (horizon.angles, trust) if free else (horizon.poses, trust * self._lengths[: horizon.poses.size])
@@ -120,9 +126,30 @@ class CondensedProgram:
             residual=max(missed, rows.excess(w)),
         )
 
-    def _make_horizon(self, n_contact: int, n_flight: int) -> Horizon:
-        """What depends on contact and flight samples alone."""
-        basis = self._basis[:, INPUTS * (self.layout.release - n_contact) :]
+    def _begun_inside(self, basis: Floats, first: int, passed: float) -> Floats:
+        """The basis where `passed` [s] of the interval `first` are gone and its acceleration is held.
+
+        The first column of U⁻ᵀ is that of the others over U's first number, which alone depends on the hold.
+        """
+        dt, before = self.sampling_time, self._diagonal[first]
+        held = math.sqrt(before**2 + HOLD - 1.0)
+        basis = basis.copy()
+        basis[:, :AXES] *= before / held
+        after = np.arange(self.layout.intervals - first) * dt  # from the end of the interval to the samples after it
+        samples = np.arange(first + 1, self.layout.intervals + 1)
+        for axis, lever in enumerate(LEVERS):
+            unit = lever * held * math.sqrt(2.0 * self._jumps)
+            basis[self.layout.x(samples, AXES + axis), axis] -= passed / unit
+            sooner = dt**2 / 2 - (dt - passed) ** 2 / 2 + passed * after
+            basis[self.layout.x(samples, axis), axis] -= sooner / unit
+        return basis
+
+    def _make_horizon(self, n_contact: int, n_flight: int, passed: float) -> Horizon:
+        """What depends on contact and flight samples, and on what has passed of the first [s], alone."""
+        first = self.layout.release - n_contact
+        basis = self._basis[:, INPUTS * first :]
+        if passed:
+            basis = self._begun_inside(basis, first, passed)
         matrix, offset = flight(n_flight * self.sampling_time)
         weight = self.cost.residual_matrix() @ matrix
         _, sigma, q = np.linalg.svd(np.sqrt(2.0) * weight @ basis[self._released], full_matrices=False)
@@ -134,11 +161,11 @@ class CondensedProgram:
         return Horizon(map_, weight, residual, gradient, poses[:, 2], poses.ravel())
 
 
-def unit_smoothing_basis(layout: Layout, sampling_time: float, smoothing: float) -> Floats:
+def unit_smoothing_basis(layout: Layout, sampling_time: float, smoothing: float) -> tuple[Floats, Floats]:
     """Γ U⁻ᵀ (size, 3 N): the decision vector by coordinates in which the smoothing cost over all N intervals is ½ |v|².
 
     Columns 3 k … belong to interval k and those after it: the columns from 3 m on are the basis where the first m
-    intervals wait.
+    intervals wait.  With it the diagonal (N,) of U of Σ |Δu|².
     """
     n, dt = layout.intervals, sampling_time
     # of Σ |Δu|²: tridiagonal; its trailing blocks are those of shorter motions, and so are U's
@@ -149,11 +176,11 @@ def unit_smoothing_basis(layout: Layout, sampling_time: float, smoothing: float)
     velocities = np.where(j < k, dt, 0.0) @ accelerations
     places = np.where(j < k, (k - j - 0.5) * dt**2, 0.0) @ accelerations
     basis, samples, intervals = np.zeros((layout.size, AXES * n)), np.arange(n + 1), np.arange(n)
-    for axis, lever in enumerate((1.0, 1.0, TURNING_RADIUS)):
+    for axis, lever in enumerate(LEVERS):
         basis[layout.x(samples, axis), axis::AXES] = places / lever
         basis[layout.x(samples, AXES + axis), axis::AXES] = velocities / lever
         basis[layout.u(intervals, axis), axis::AXES] = accelerations / lever
-    return basis
+    return basis, np.diagonal(upper)
 
 
 def drift_basis(layout: Layout, sampling_time: float) -> Floats:

@@ -72,13 +72,19 @@ class Geometry:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Linearisation point: states (N + 1, 6), inputs (N, 3), and which samples it has."""
+    """Linearisation point: states (N + 1, 6), inputs (N, 3), and which samples it has.
+
+    A motion that is planned again begins inside a sample: `passed` [s] of its first interval are gone.  before (3,):
+    the acceleration in force when it begins, None: it begins at rest.
+    """
 
     states: Floats
     inputs: Floats
     n_contact: int
     n_flight: int
     sampling_time: float
+    passed: float = 0.0
+    before: Floats | None = None
 
 
 def bound_law(x: Any, p: Any, margin: Any, slope: Any) -> None:

@@ -124,12 +124,15 @@ class Convexification:
         turned = [pose + [0.0, 0.0, angle, 0.0, 0.0, 0.0] for angle in TURN]
         return self.arm.inverse_kinematics(pose, through=turned)
 
-    def restart(self, state: Floats, q_seed: Floats, shift: float = 0.0) -> None:
+    def restart(
+        self, state: Floats, q_seed: Floats, shift: float = 0.0, divisors: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    ) -> None:
         """Begin at another state x̂ (6,) of the object, in motion; q_seed (n,) [rad] are joint angles near it.
 
-        shift: how far the object sits from the middle of the blade along s [m].  Raises PlanningError where the arm
-        cannot be there.
+        shift: how far the object sits from the middle of the blade along s [m]; divisors: of the joints' limits.
+        Raises PlanningError where the arm cannot be there.
         """
+        self.allowed = limits.Allowed.of(self.arm, self.scenario, divisors)
         self.start, self.shift, self._in_motion = state, shift, True
         tool = self._tool(state[None, :])[0]
         self.q_start = self.motion.joint_angles(task_pose(tool, self.scenario.task.start_x), q_seed)
@@ -287,6 +290,8 @@ class Convexification:
             iterations=len(self.program_times),
             solve_time=time.perf_counter() - begin,
             program_times=tuple(self.program_times),
+            passed=point.passed,
+            limit_divisors=self.allowed.divisors,
         )
 
 

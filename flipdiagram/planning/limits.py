@@ -6,7 +6,7 @@ Only joints that come near a limit enter the program; the last three derivatives
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -38,17 +38,20 @@ class Allowed:
     half: Floats
     speed: Floats
     torque: Floats
+    divisors: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """What position, speed and torque were divided by."""
 
     @classmethod
-    def of(cls, arm: ArmModel, scenario: Scenario) -> "Allowed":
-        """The arm's limits less the scenario's margins."""
+    def of(cls, arm: ArmModel, scenario: Scenario, divisors: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> "Allowed":
+        """The arm's limits less the scenario's margins, divided."""
         planner, middle = scenario.planner, (arm.q_min + arm.q_max) / 2
-        return cls(
+        whole = cls(
             middle=middle,
             half=arm.q_max - middle - planner.position_margin,
             speed=arm.qd_max * (1 - planner.speed_margin),
             torque=arm.tau_max * (1 - planner.torque_margin),
         )
+        return whole._divided(divisors)
 
     def shares(self, arm: ArmModel) -> dict[str, Floats]:
         """Per kind of limit, the fraction of it that is allowed, by joint."""
@@ -61,7 +64,18 @@ class Allowed:
     def tightened(self, uses: Mapping[str, Floats]) -> "Allowed":
         """Less of each kind of limit that a motion exceeds (use > 1) between its samples."""
         position, speed, torque = (max(1.0, float(np.max(uses[kind]))) for kind in KINDS)
-        return replace(self, half=self.half / position, speed=self.speed / speed, torque=self.torque / torque)
+        return self._divided((position, speed, torque))
+
+    def _divided(self, by: tuple[float, float, float]) -> "Allowed":
+        position, speed, torque = by
+        before = self.divisors
+        return Allowed(
+            self.middle,
+            self.half / position,
+            self.speed / speed,
+            self.torque / torque,
+            (before[0] * position, before[1] * speed, before[2] * torque),
+        )
 
 
 def joint_rows(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, dataclass, fields
+from dataclasses import MISSING, asdict, dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
@@ -72,26 +72,30 @@ class Plan:
     """Wall time of the whole planning [s]."""
     program_times: tuple[Number, ...] = ()
     """Wall time of each quadratic program [s]."""
+    passed: Annotated[Number, Field(ge=0)] = 0.0
+    """How much of its first interval had passed when it was planned again inside it [s]: that one is shorter."""
+    limit_divisors: tuple[Number, Number, Number] = (1.0, 1.0, 1.0)
+    """By what joint position, speed and torque limits at the samples were divided, for the motion between them."""
 
     @property
     def t(self) -> Floats:
         """Times of the samples [s], shape (N + 1,)."""
-        return np.asarray(np.arange(len(self.states)) * self.sampling_time, dtype=np.float64)
+        return np.append(0.0, np.arange(1, len(self.states)) * self.sampling_time - self.passed)
 
     @property
     def release_time(self) -> float:
         """When the object leaves the tool [s]."""
-        return self.n_contact * self.sampling_time
+        return self.n_contact * self.sampling_time - self.passed
 
     @property
     def touchdown_time(self) -> float:
         """Sample k_g as a time [s]."""
-        return (self.n_contact + self.n_flight) * self.sampling_time
+        return (self.n_contact + self.n_flight) * self.sampling_time - self.passed
 
     @property
     def duration(self) -> float:
         """When the commanded motion has ended [s]."""
-        return (self.n_contact + self.n_brake) * self.sampling_time
+        return (self.n_contact + self.n_brake) * self.sampling_time - self.passed
 
     end_time = duration
     """The same, by the name that a `Command` has for it."""
@@ -114,10 +118,10 @@ class Plan:
         """
         t = np.asarray(t, dtype=float)
         # a time that is a sample but for rounding belongs to the interval that starts there
-        k = np.floor(t / self.sampling_time + 1e-9).astype(int)
-        inside = np.clip(k, 0, len(self.inputs) - 1)
+        k = np.where(t < -self.sampling_time * 1e-9, -1, np.floor((t + self.passed) / self.sampling_time + 1e-9))
+        inside = np.clip(k, 0, len(self.inputs) - 1).astype(int)
         moving = ((k >= 0) & (k < len(self.inputs)))[..., None]
-        tau = (t - inside * self.sampling_time)[..., None]
+        tau = (t - np.where(inside > 0, inside * self.sampling_time - self.passed, 0.0))[..., None]
         base, a = self.states[inside], self.inputs[inside]
         x = base[..., :3] + base[..., 3:] * tau + a * tau**2 / 2
         v = base[..., 3:] + a * tau
@@ -126,12 +130,12 @@ class Plan:
 
     def at(self, t: float) -> tuple[list[float], list[float], list[float]]:
         """`sample` for one time, some thirty times faster: the MPC block calls it every millisecond."""
-        k = math.floor(t / self.sampling_time + 1e-9)
-        if k < 0:
+        k = math.floor((t + self.passed) / self.sampling_time + 1e-9)
+        if t < -self.sampling_time * 1e-9:
             return self._rows[0][:3], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
         if k >= len(self._accelerations):
             return self._rows[-1][:3], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
-        tau = t - k * self.sampling_time
+        tau = t - (k * self.sampling_time - self.passed) if k else t
         y, z, theta, v_y, v_z, v_theta = self._rows[k]
         a = self._accelerations[k]
         half = tau * tau / 2
@@ -190,7 +194,8 @@ class Plan:
         if not isinstance(data, dict) or data.pop("schema", None) != SCHEMA:
             raise InputError.of(source, None, f"a file with schema '{SCHEMA}'", f"{source} is no plan file")
         problem = " lacks fields of a plan or has others"
-        wrong = sorted(set(data) ^ {f.name for f in fields(cls)})
+        known = {f.name: f.default is not MISSING for f in fields(cls)}
+        wrong = sorted(name for name in set(data) ^ set(known) if not known.get(name))
         if not wrong:
             try:
                 plan = TypeAdapter(cls).validate_python(data)

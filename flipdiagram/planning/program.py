@@ -33,6 +33,8 @@ FREE_TRUST = 1.0
 """Trust radius [rad] from which y and z are not bounded."""
 TURNING_RADIUS = 0.05
 """Lever [m] at which angular accelerations count in the smoothing cost, about the block's and blade's half-size."""
+LEVERS = (1.0, 1.0, TURNING_RADIUS)
+"""Of (y, z, θ) there."""
 
 
 def make_solver(name: str) -> SolverInterface:
@@ -45,25 +47,59 @@ def make_solver(name: str) -> SolverInterface:
     return solver
 
 
-def dynamics(layout: Layout, sampling_time: float) -> sp.csc_matrix:
-    """Eq. (2) of all intervals as rows (6 N, size) that are zero, on variables and of states divided by their units."""
+HOLD = 1e4
+"""Weight, in those of the smoothing, on a change of the acceleration inside the sample in progress: it keeps what it
+has but for what a constraint demands, so that a plan begun at its own state, anywhere in a sample, comes out again."""
+
+
+def hold_of(point: Trajectory) -> float:
+    """Weight of |u_0 − before|² in those of the smoothing, where the trajectory moves first."""
+    return HOLD if point.passed else 1.0
+
+
+def dynamics(layout: Layout, sampling_time: float, first: int = 0, passed: float = 0.0) -> sp.csc_matrix:
+    """Eq. (2) of all intervals as rows (6 N, size) that are zero, on variables and of states divided by their units.
+
+    passed: of the interval `first` [s], which is shorter by it.
+    """
     n, units = layout.intervals, layout.units()
     a, b = transition(sampling_time)
     here = sp.kron(sp.eye(n, n + 1), sp.hstack([sp.csr_matrix(-a), sp.csr_matrix(-b)]))
+    if passed:
+        short = np.hstack(transition(sampling_time - passed)) - np.hstack([a, b])
+        here = here - sp.kron(sp.csr_matrix(([1.0], ([first], [first])), (n, n + 1)), short)
     following = sp.kron(sp.eye(n, n + 1, k=1), sp.eye(STATES, STRIDE))
     rows = (here + following).tocsr()[:, : layout.size]
     return sp.csc_matrix(sp.diags(1 / np.tile(units[:STATES], n)) @ (rows @ sp.diags(units)))
 
 
-def add_smoothing(prog: Any, layout: Layout, z: Any, weight: float, least: float = 0.0) -> None:
-    """A weight on Σ |Δu|² ≈ ΔT ∫ jerk² dt, the rests before and after counted as no acceleration; `least` on ½ |u|²."""
+def add_smoothing(prog: Any, layout: Layout, z: Any, weight: float, least: float = 0.0) -> list[Any]:
+    """A weight on Σ |Δu|² ≈ ΔT ∫ jerk² dt, the rests before and after counted as no acceleration; `least` on ½ |u|².
+
+    Returns the cost of each axis.
+    """
     n = layout.intervals
     difference = np.eye(n + 1, n) - np.eye(n + 1, n, k=-1)
-    gram = difference.T @ difference * (2 * weight)
-    for component, lever in enumerate((1.0, 1.0, TURNING_RADIUS)):
+    gram, costs = difference.T @ difference * (2 * weight), []
+    for component, lever in enumerate(LEVERS):
         columns = layout.u(np.arange(n), component)
         scale = lever * layout.units()[columns[0]]
-        prog.AddQuadraticCost(gram * scale**2 + least * np.eye(n), np.zeros(n), 0.0, z[columns], is_convex=True)
+        hessian = gram * scale**2 + least * np.eye(n)
+        costs.append(prog.AddQuadraticCost(hessian, np.zeros(n), 0.0, z[columns], is_convex=True).evaluator())
+    return costs
+
+
+def go_on(costs: Sequence[Any], layout: Layout, weight: float, point: Trajectory, first: int = 0) -> None:
+    """Let costs of `add_smoothing` count the first difference from the acceleration before, in the interval `first`."""
+    if point.before is None:
+        return
+    for axis, cost in enumerate(costs):
+        unit = layout.units()[layout.u(first, axis)]
+        scaled = 2 * weight * (unit * LEVERS[axis]) ** 2
+        Q, b = cost.Q().copy(), cost.b().copy()
+        Q[first, first] += scaled * (hold_of(point) - 1.0)
+        b[first] = -scaled * hold_of(point) * point.before[axis] / unit
+        cost.UpdateCoefficients(Q, b, 0.0, is_convex=True)
 
 
 @dataclass(frozen=True)
@@ -100,9 +136,12 @@ class HorizonProgram:
         self._slack = prog.NewContinuousVariables(len(self._groups), "slack")
         variables = np.concatenate([self._z, self._slack])
         # rows in the units of the state they advance
-        self._dynamics = dynamics(layout, sampling_time)
-        prog.AddLinearEqualityConstraint(self._dynamics, np.zeros(self._dynamics.shape[0]), self._z)
-        add_smoothing(prog, layout, self._z, smoothing / sampling_time)
+        self._dynamics, self._begun = dynamics(layout, sampling_time), (0, 0.0)
+        no_rest = np.zeros(self._dynamics.shape[0])
+        self._transitions = prog.AddLinearEqualityConstraint(self._dynamics, no_rest, self._z).evaluator()
+        self._jumps = smoothing / sampling_time
+        self._smoothing = add_smoothing(prog, layout, self._z, self._jumps)
+        self._hessians = [cost.Q() for cost in self._smoothing]
         size = variables.size
         self._bounds = prog.AddBoundingBoxConstraint(np.full(layout.size, -1e9), np.full(layout.size, 1e9), self._z)
         if self._groups:
@@ -138,6 +177,7 @@ class HorizonProgram:
         low[:STATES] = high[:STATES] = start
         if layout.n_brake:
             low[-3:] = high[-3:] = 0.0
+        self._begin(point, waiting)
         self._bounds.evaluator().UpdateLowerBound(low / self._units)
         self._bounds.evaluator().UpdateUpperBound(high / self._units)
 
@@ -161,6 +201,16 @@ class HorizonProgram:
             )
             scaled = sp.hstack([scaled, slack])
         self._rows.evaluator().UpdateCoefficients(sp.csc_matrix(scaled), np.full(rows.count, -np.inf), rows.upper)
+
+    def _begin(self, point: Trajectory, first: int) -> None:
+        """The first interval that moves: how long it is, and from which acceleration it goes on."""
+        begun = (first, point.passed) if point.passed else (0, 0.0)
+        if begun != self._begun:
+            self._dynamics, self._begun = dynamics(self.layout, self.sampling_time, *begun), begun
+            self._transitions.UpdateCoefficients(self._dynamics, np.zeros(self._dynamics.shape[0]))
+        for cost, hessian in zip(self._smoothing, self._hessians, strict=True):
+            cost.UpdateCoefficients(hessian, np.zeros(len(hessian)), 0.0, is_convex=True)
+        go_on(self._smoothing, self.layout, self._jumps, point, first)
 
     def solve(self) -> Solution:
         """Solve with the current numbers."""

@@ -1,7 +1,9 @@
 """The rest of a motion planned again from where the tool is, warm-started from the plan that it follows."""
 
+import math
 import time
 from itertools import product
+from typing import Protocol
 
 import numpy as np
 
@@ -16,21 +18,32 @@ from flipdiagram.scenario.scenario import Scenario
 
 FEWEST = 3
 """Contact samples that must be left: with fewer there is nothing to decide any more."""
+ROUNDING = 1e-6
+"""Of a sample: a time that is a sample but for rounding is one."""
 TOLERANCE = 1e-2
 """θ [rad] within which the last linearisation must have been right; the next replanning corrects what is left."""
+
+
+class Replanning(Protocol):
+    """What plans the rest of a motion again, and how many contact samples must be left for it."""
+
+    fewest: int
+
+    def replan(
+        self, state: Floats, plan: Plan, elapsed: float, q: Floats, shift: float = 0.0, begun: float = 0.0
+    ) -> Plan:
+        """See `Replanner.replan`."""
 
 
 class Replanner:
     """Plans the rest of the contact phase, the release and the braking.  The program is built here, once."""
 
+    fewest = FEWEST
+
     def __init__(self, scenario: Scenario, arm: ArmModel) -> None:
         self.scenario, self.arm = scenario, arm
         self.horizons = Convexification(scenario, arm, native=True)
         self.horizons.compile()
-
-    def samples_left(self, plan: Plan, elapsed: float) -> int:
-        """Contact samples of `plan` that are left at `elapsed` [s] of it."""
-        return round((plan.release_time - elapsed) / plan.sampling_time)
 
     def replan(
         self, state: Floats, plan: Plan, elapsed: float, q: Floats, shift: float = 0.0, begun: float = 0.0
@@ -42,16 +55,17 @@ class Replanner:
         the linearisation is too far off, or too few samples are left.
         """
         begin = time.perf_counter()
-        n_contact = self.samples_left(plan, elapsed)
+        done, passed = inside(plan, elapsed)
+        n_contact = plan.n_contact - done
         if n_contact < FEWEST:
             raise PlanningError(f"{n_contact} contact samples are left; valid are at least {FEWEST}")
         horizons = self.horizons
         horizons.program_times.clear()
-        horizons.restart(np.asarray(state, dtype=float), q, shift)
+        horizons.restart(np.asarray(state, dtype=float), q, shift, plan.limit_divisors)
         outcomes: list[Outcome] = []
         reason: PlanningError | None = None
-        passed = round((begun + elapsed) / plan.sampling_time)
-        for samples, flight in self._candidates(n_contact, plan.n_flight, passed):
+        all_done = math.floor((begun + elapsed) / plan.sampling_time + ROUNDING)
+        for samples, flight in self._candidates(n_contact, plan.n_flight, all_done):
             try:
                 guess = self._guess(state, plan, elapsed, samples, flight)
                 outcome = horizons.settle(guess, TOLERANCE, self.scenario.planner.replan_iterations, rescue=False)
@@ -88,18 +102,36 @@ class Replanner:
 
     def _guess(self, state: Floats, plan: Plan, elapsed: float, n_contact: int, n_flight: int) -> Trajectory:
         """The old plan from `elapsed` on, on the samples of the new horizon, moved to begin at the state."""
-        layout, dt = self.horizons.layout, plan.sampling_time
-        first, left = layout.release - n_contact, self.samples_left(plan, elapsed)
+        layout, dt, (done, passed) = self.horizons.layout, plan.sampling_time, inside(plan, elapsed)
+        first, left = layout.release - n_contact, plan.n_contact - done
         k = np.arange(n_contact + layout.n_brake + 1)
-        pace = left / n_contact if n_contact != left else 1.0
-        t = elapsed + dt * np.where(k <= n_contact, k * pace, k - n_contact + left)
+        since = np.maximum(dt * k - passed, 0.0)
+        new, old = (dt * count - passed for count in (n_contact, left))
+        pace = old / new
+        t = elapsed + np.where(k <= n_contact, since * pace, since - new + old)
         # where the command stops at the release, what counts there is the velocity until then
         x, v, _ = plan.sample(t if plan.n_brake else np.minimum(t, plan.duration * (1 - 1e-6)))
         moving = np.hstack([x, v * np.where(k <= n_contact, pace, 1.0)[:, None]])
-        fade = np.linspace(1.0, 0.0, n_contact + 1)[:, None]
+        fade = (1.0 - since[: n_contact + 1] / new)[:, None]
         moving[: n_contact + 1] += fade * (np.asarray(state) - moving[0])
         states = np.tile(moving[0], (layout.intervals + 1, 1))
         states[first:] = moving
+        # the waiting samples lead up to it at constant speed, as in what the program gives
+        states[:first, :3] -= dt * (first - np.arange(first))[:, None] * moving[0, 3:]
         inputs = np.zeros((layout.intervals, 3))
-        inputs[first:] = np.diff(moving[:, 3:], axis=0) / dt
-        return Trajectory(states, inputs, n_contact, n_flight, dt)
+        inputs[first:] = np.diff(moving[:, 3:], axis=0) / np.diff(since)[:, None]
+        return Trajectory(states, inputs, n_contact, n_flight, dt, passed, before(plan, done, passed))
+
+
+def inside(plan: Plan, elapsed: float) -> tuple[int, float]:
+    """Samples of a plan that have ended `elapsed` [s] after it began, and how much of the next one has passed [s]."""
+    since, dt = elapsed + plan.passed, plan.sampling_time
+    done = math.floor(since / dt + ROUNDING)
+    passed = since - done * dt
+    return done, passed if passed > ROUNDING * dt else 0.0
+
+
+def before(plan: Plan, done: int, passed: float) -> Floats | None:
+    """The acceleration (3,) that goes on: within a sample its own, at its beginning that of the sample before."""
+    last = done if passed else done - 1
+    return plan.inputs[last] if last >= 0 else None

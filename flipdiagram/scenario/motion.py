@@ -105,7 +105,7 @@ class Planner(Section):
         le=10,
     )
     replan_from: Literal["measured", "commanded"] = Field(
-        "measured", description="state of the tool from which it is planned again"
+        "measured", description="state of the tool from which it is planned again; without FF always the command's"
     )
     replan_iterations: int = quantity(4, "1", "most linearisations per replanning", ge=1, le=100)
     replan_search: int = quantity(
@@ -119,7 +119,6 @@ class Planner(Section):
         ge=0.0001,
         le=100,
     )
-    blend_time: float = quantity(0.2, "s", "in which the command passes over to a new plan", ge=0.001, le=10)
     solver: Literal["clarabel", "osqp", "scs", "ipopt", "snopt", "mosek", "gurobi", "daqp"] = Field(
         "daqp", description="daqp solves the condensed program; the others stand behind MathematicalProgram"
     )

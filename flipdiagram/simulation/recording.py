@@ -46,6 +46,7 @@ SIGNALS = {
     "iterations": (("time",), "1"),
     "status": (("time",), "1"),
     "cone_margin": (("time",), "rad"),
+    **dict.fromkeys(("replanned", "failed", "late"), (("time",), "1")),
 }
 """Dimensions and units of each signal; one unit per axis or entry of a pose where they differ."""
 

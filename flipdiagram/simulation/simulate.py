@@ -13,6 +13,7 @@ from flipdiagram.diagrams.replacement import Box
 from flipdiagram.errors import InputError, SimulationError
 from flipdiagram.planning.command import Command
 from flipdiagram.planning.plan import Plan
+from flipdiagram.planning.replanner import Replanning
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.margins import with_margins
 from flipdiagram.simulation.recording import Recording, assemble
@@ -40,6 +41,7 @@ def simulate(
     plan: Plan | None = None,
     progress: Callable[[float], None] | None = None,
     replace: Mapping[str, Box] | None = None,
+    replanner: Callable[[], Replanning] | None = None,
 ) -> Run:
     """Hold, motion, release, touch-down and settling of one flip.
 
@@ -49,6 +51,7 @@ def simulate(
         plan: the motion to follow; without one the MPC plans when the run starts.
         progress: called with the fraction done.
         replace: boxes of the user's own, as for `build_loop`.
+        replanner: makes that by which an MPC plans again, as for `build_loop`.
 
     Raises:
         InputError: for a bad scenario.
@@ -56,7 +59,9 @@ def simulate(
         SimulationError: where the simulation diverges.
     """
     return simulate_loop(
-        build_loop(scenario, architecture, record=True, replace=replace, native=replace is None), plan, progress
+        build_loop(scenario, architecture, record=True, replace=replace, native=replace is None, replanner=replanner),
+        plan,
+        progress,
     )
 
 

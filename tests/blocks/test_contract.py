@@ -101,8 +101,8 @@ def receding() -> RecedingHorizonController:
     def again(*arguments: Any) -> Any:
         return plan()
 
-    timing = Timing(period=0.1, delay=0.02, blend=0.05, early=2.5e-4)
-    return RecedingHorizonController(plan, again, np.zeros(6), timing, joints=6, start_time=0.5)
+    timing = Timing(period=0.1, delay=0.02, early=2.5e-4)
+    return RecedingHorizonController(plan, again, np.zeros(6), timing, joints=6, gains=(350.0, 120.0), start_time=0.5)
 
 
 def push() -> Push:

@@ -103,7 +103,7 @@ def test_the_controller_answers_to_the_state_with_the_noise_of_that_tick(delay, 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("sensors: {position_noise: -1e-4}", ["'sensors.position_noise'", "at least 0 [rad]"]),
+        ("sensors: {position_noise: -1e-4}", ["'sensors.position_noise'", "from 0 to 1 [rad]"]),
         ("sensors: {position_noise: null}", ["'sensors.position_noise' = null"]),
         ("sensors: {velocity_noise: .inf}", ["'sensors.velocity_noise' = inf", "[rad/s]"]),
         ("sensors: {noise_seed: -1}", ["'sensors.noise_seed' = -1", "a whole number from 0 to 4294967295"]),

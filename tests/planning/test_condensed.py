@@ -202,7 +202,8 @@ def test_what_cannot_be_met_ends_without_a_solution(linearisations, condensed, r
 
 def test_the_basis_of_a_shorter_motion_is_the_rest_of_the_longer_ones():
     long, short = Layout(9, 4), Layout(6, 4)
-    whole, part = (unit_smoothing_basis(layout, 0.02, 1e-6) for layout in (long, short))
+    (whole, diagonal), (part, last) = (unit_smoothing_basis(layout, 0.02, 1e-6) for layout in (long, short))
+    np.testing.assert_allclose(diagonal[3:], last, atol=1e-12)
     np.testing.assert_allclose(whole[9 * 3 :, 3 * 3 :], part, atol=1e-12)
     assert not np.any(whole[: 9 * 3, 3 * 3 :])
     u = whole[long.u(np.arange(13), 0)][:, ::3]
