@@ -141,12 +141,14 @@ def inverse():
     return found | {"stages": rows, "worlds_found": [], "region": [], "smallest": None, "nearest": [world]}
 
 
+NO_WORLDS: dict = {"count": 0, "vary": [], "entries": []}
+
 BODIES = {
     "turnover": turnover,
     "frequency": frequency,
     "experiment": experiment,
     "borders": borders,
-    "replanning": lambda: {"quick": False, "cases": {}, "ways": {}, **report()["replanning"]},
+    "replanning": lambda: {"quick": False, "cases": {}, "ways": {}, "worlds": NO_WORLDS, **report()["replanning"]},
     "place": lambda: report()["place"],
     "engines": engines,
     "calibrate": calibrate,

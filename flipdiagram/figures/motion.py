@@ -18,6 +18,7 @@ from flipdiagram.arrays import Array
 from flipdiagram.figures.style import GUIDE, LABELS, MARK, NAMES, STYLES, WITH_OBSERVER, finish, new_axes, style_of
 from flipdiagram.scenario.scenario import ARCHITECTURES
 from flipdiagram.simulation import events
+from flipdiagram.simulation.replans import solve_times
 
 if TYPE_CHECKING:
     from flipdiagram.planning.plan import Plan
@@ -106,6 +107,20 @@ def plot_torques(recordings: Recordings, axes: Sequence[Axes] | None = None) -> 
     for ax in axes[max(0, len(joints) - 3) :]:
         ax.set_xlabel("time [s]")
         ax.tick_params(labelbottom=True)
+    finish(axes, own)
+    return axes
+
+
+def plot_replanning(recordings: Recordings, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
+    """How long each new plan took in the loop, and how far it keeps from the friction cone."""
+    own, axes = axes is None, list(new_axes(2, (5.6, 4.6)) if axes is None else axes)
+    for name, recording in _command_first(recordings)[1:]:
+        if "replanned" in recording:
+            t, taken = solve_times(recording)
+            axes[0].plot(t, 1000 * taken, ".", markersize=3, color=style_of(name).color, label=NAMES[name])
+            _line(axes[1], t, np.rad2deg(recording["cone_margin"].sel(time=t).values), name)
+    axes[0].set(ylabel="solve time [ms]", yscale="log")
+    axes[1].set(xlabel="time [s]", ylabel="margin to the\nfriction angle [deg]")
     finish(axes, own)
     return axes
 

@@ -59,7 +59,7 @@ def _excerpt(studies: dict[str, Summary]) -> dict[str, Any]:
     parts = {
         "experiment": ("starts_y_m", "architectures", "runs", "second_engine"),
         "borders": ("maps", "variations"),
-        "replanning": ("runs",),
+        "replanning": ("runs", "worlds"),
         "place": ("plan", "target_y_m", "runs"),
     }
     return {"observer": frequency["observer"], "realisations": frequency.get("realisations", [])} | {

@@ -21,6 +21,7 @@ from flipdiagram.report.sources import NOT_ASSUMED, model_grid, scenario_grid
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, field_paths
 from flipdiagram.studies.frequency.tables import FIGURES
 from flipdiagram.studies.registry import STUDIES
+from flipdiagram.studies.replanning.tables import tables as replanning_tables
 
 MEASURED = {
     "C1": {"gain_at_lowest": 1.0, "bandwidth_rad_s": 74.75},
@@ -139,7 +140,20 @@ def replanning():
         {"case": "nothing", "way": "planned once", "architecture": n} | (kept if "dob" in n else lost)
         for n in ARCHITECTURES
     ]
-    return {"runs": runs}
+    return {"runs": runs, "worlds": worlds()}
+
+
+def worlds():
+    """Ten random worlds in two ways under one controller; 7 are turned over when planned again, 3 when planned once."""
+    entry = {"architecture": "pd+ff+dob"}
+    once = entry | {"way": "planned once", "turned_over": 3, "rate": 0.3, "low": 0.108, "high": 0.603}
+    again = entry | {"way": "every 1 ms", "turned_over": 7, "rate": 0.7, "low": 0.397, "high": 0.892}
+    again["against_first"] = {
+        "success": {"trials": 10, "first_only": 4, "second_only": 0, "difference": 0.4, "p": 0.125},
+        "landing_cost_J": {"pairs": 3, "median_difference": -0.2, "p": 0.04},
+        "position_rmse_m": {"pairs": 3, "median_difference": -0.001, "p": 0.5},
+    }
+    return {"count": 10, "vary": [], "entries": [once, again]}
 
 
 def place():
@@ -257,6 +271,23 @@ def test_replanning_and_laying_down_have_their_tables(written):
     text = written().markdown.read_text(encoding="utf-8")
     assert "| nothing | planned once | dropped at 0.3 s | dropped at 0.3 s | **0.61**, 0.30 cm, 0.5 mm |" in text
     assert "| `pd+dob` | laid down | 0.4 | 0.000 | 0.18 | 18.9 | 18.0 | 0.29 |" in text
+
+
+def test_random_worlds_are_compared_with_the_plan_made_once():
+    *_, grid = replanning_tables(replanning())
+    again, once = grid.rows
+    assert again == [
+        "`pd+ff+dob`",
+        "every 1 ms",
+        "70.0 %",
+        "39.7–89.2 %",
+        "4 : 0",
+        "0.12",
+        "-0.200",
+        "-0.10",
+        "0.04, 0.5",
+    ]
+    assert once == ["`pd+ff+dob`", "planned once", "30.0 %", "10.8–60.3 %", *"–––––"]
 
 
 def test_a_quick_report_says_so(written):

@@ -1,4 +1,4 @@
-"""What planning again buys: the same disturbed flips with the plan made once, and with four ways of replanning."""
+"""What planning again buys: disturbed flips and random worlds, with the plan made once and in ways of replanning."""
 
 from collections.abc import Mapping
 from itertools import product
@@ -10,10 +10,14 @@ from flipdiagram.files import write_summary
 from flipdiagram.flips.flip import Flip
 from flipdiagram.flips.run import run_flips
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
+from flipdiagram.studies.replanning.worlds import QUICK_WORLDS, WORLDS, fly_worlds
 from flipdiagram.studies.study import Progress, silent
 
-PERIOD = 0.04
-"""How often the motion is planned again [s], where the scenario does not say."""
+SLOW = {"planner.replan_period": 0.02, "planner.compute_delay": 0.01}
+"""Once a sample of the plan; it takes effect half a sample later."""
+FAST = {"planner.replan_period": 0.001, "planner.compute_delay": 0.001}
+"""At the control rate, in force one period later."""
+ONCE = {"planner.replan_period": None, "sensors.camera_period": None}
 CAMERA = 0.02
 """Period of the camera [s], where the scenario has none."""
 SEARCH = 2
@@ -34,23 +38,26 @@ QUICK_CASES = ("nothing", "start off by 2 cm")
 
 def ways_of(scenario: Scenario) -> dict[str, Mapping[str, Any]]:
     """The plan made once, and the ways of replanning, by name."""
-    period = {"planner.replan_period": scenario.planner.replan_period or PERIOD}
+    blind = {"sensors.camera_period": None}
     camera = {"sensors.camera_period": scenario.sensors.camera_period or CAMERA}
+    search = {"planner.replan_search": scenario.planner.replan_search or SEARCH}
     return {
-        "planned once": {"planner.replan_period": None, "sensors.camera_period": None},
-        "from the command": period | {"planner.replan_from": "commanded", "sensors.camera_period": None},
-        "from the measured tool": period | {"planner.replan_from": "measured", "sensors.camera_period": None},
-        "measured, other horizons": period
-        | {"planner.replan_from": "measured", "planner.replan_search": scenario.planner.replan_search or SEARCH}
-        | {"sensors.camera_period": None},
-        "measured, with camera": period | {"planner.replan_from": "measured"} | camera,
+        "planned once": ONCE,
+        "every 20 ms": SLOW | blind,
+        "every 20 ms, other horizons": SLOW | blind | search,
+        "every 1 ms": FAST | blind,
+        "every 1 ms, with camera": FAST | camera,
     }
+
+
+IN_WORLDS = ("planned once", "every 20 ms", "every 1 ms, with camera")
+"""Ways that are flown in the random worlds."""
 
 
 def run(
     scenario: Scenario, out: str | Path, *, quick: bool = False, jobs: int | None = None, progress: Progress = silent
 ) -> None:
-    """Fly every case in every way under every architecture; write summary.json.
+    """Fly every case in every way under every architecture, and random worlds in some; write summary.json.
 
     What an earlier call left in `out` is used.  Raises InputError.
     """
@@ -62,7 +69,11 @@ def run(
     runs = [
         {"case": case, "way": way, "architecture": name, "success": outcome.success, "failure": outcome.failure}
         | ({} if outcome.metrics is None else outcome.metrics.as_dict())
+        | {name: entry for name, entry in (outcome.plan or {}).items() if name == "replanning"}
         for (case, way, name), outcome in zip(keys, outcomes, strict=True)
     ]
-    body = {"quick": quick, "cases": CASES, "ways": ways, "runs": runs}
+    count = QUICK_WORLDS if quick else WORLDS
+    chosen = {way: ways[way] for way in IN_WORLDS}
+    worlds = fly_worlds(scenario, chosen, count, Path(out), jobs=jobs, progress=progress)
+    body = {"quick": quick, "cases": CASES, "ways": ways, "runs": runs, "worlds": worlds}
     write_summary(Path(out) / "summary.json", "replanning", scenario, body)

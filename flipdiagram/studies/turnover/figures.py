@@ -56,6 +56,8 @@ def _plots(recordings: dict[str, Recording], out: Path) -> None:
     _save(motion.plot_accelerations(recordings), out / "fig15_accelerations")
     _save(motion.plot_sliding_angle(recordings), out / "sliding_angle")
     _save(motion.plot_torques(recordings), out / "torques")
+    if any("replanned" in recording for recording in recordings.values()):
+        _save(motion.plot_replanning(recordings), out / "replanning")
 
 
 def _save(axes: object, path: Path) -> None:

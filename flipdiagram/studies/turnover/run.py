@@ -12,6 +12,7 @@ from flipdiagram.planning import Plan, plan_motion
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.simulation import metrics
 from flipdiagram.simulation.recording_files import save_recording
+from flipdiagram.simulation.replans import replans
 from flipdiagram.simulation.simulate import simulate
 from flipdiagram.studies.study import Progress, silent
 
@@ -75,7 +76,9 @@ def simulate_one(scenario: Scenario, architecture: str, plan: Plan, folder: Path
     measured = metrics.measure(flip.recording)
     name = f"{architecture}.nc"
     save_recording(flip.recording, measured, folder / name)
-    return measured.as_dict() | {"real_time_factor": flip.real_time_factor, "recording": name}
+    entry = measured.as_dict() | {"real_time_factor": flip.real_time_factor, "recording": name}
+    again = replans(flip.recording)
+    return entry if again is None else entry | {"replanning": again}
 
 
 def _import_only() -> None:

@@ -18,7 +18,26 @@ def tables(summary: Summary) -> list[Grid]:
     quantities += ["acceleration\nRMSE [m/s²]", "joint 2\nmax [N m]", "slip\n[mm]", "delay\n[ms]", "× real\ntime"]
     rows = [_row(run) for run in summary["runs"]]
     failures = [str(run["failure"]) for run in summary["runs"]]
-    return [Grid(["architecture", "block", *quantities], rows, title, quantities, whole=["architecture"], bad=failures)]
+    runs = Grid(["architecture", "block", *quantities], rows, title, quantities, whole=["architecture"], bad=failures)
+    return [runs, *([again] if (again := replanning_grid(summary["runs"])) else [])]
+
+
+def replanning_grid(runs: list[dict[str, Any]]) -> Grid | None:
+    """How planning again went in the loop, where it was."""
+    rows = [[run["architecture"], *replanning_cells(run["replanning"])] for run in runs if "replanning" in run]
+    title = "the rest of the motion planned again, times as measured in the running loop"
+    return Grid(["architecture", *REPLANNING], rows, title, REPLANNING) if rows else None
+
+
+REPLANNING = ["plans", "failed", "late", "median\n[ms]", "99 %\n[ms]", "most\n[ms]"]
+"""Columns of `replanning_cells`."""
+
+
+def replanning_cells(entry: dict[str, Any]) -> list[str]:
+    """Counts, and the solve times in ms."""
+    times = (entry[f"solve_time_{name}_s"] for name in ("p50", "p99", "max"))
+    counts = [str(entry[name]) for name in ("replanned", "failed", "late")]
+    return counts + ["–" if time is None else f"{1000 * time:.2f}" for time in times]
 
 
 def _row(run: dict[str, Any]) -> list[str]:
