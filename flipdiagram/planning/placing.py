@@ -42,6 +42,8 @@ class PlacingPlan:
     """When the blade begins to be drawn away [s]."""
     landing: Floats
     """Where the object is meant to lie: y, z [m]."""
+    after_carry: int
+    """Samples in which the object is on the blade, after the carrying."""
 
     def displacement(self, t: Floats) -> Floats:
         """Planned σ(t) [m] of the object along the blade, until the blade is drawn away."""
@@ -83,10 +85,9 @@ class Placer:
         times = settings.tilt_time, slide.duration + settings.wait, settings.retreat_time
         samples = carry_samples, *(max(4, round(t / dt)) for t in times)
         carry, tilt, waiting, retreat = (Layout(count, 0) for count in samples)
-        sticking = constraints.contact(carry, self.scenario, np.arange(carry_samples)) + self._free(carry)
         still = np.tile([*tilted, 0.0, 0.0, 0.0], (waiting.intervals + 1, 1))
         pieces = [
-            segment(start, above, sticking, carry, dt),
+            segment(start, above, self.carrying(carry), carry, dt),
             segment(above, tilted, self._free(tilt), tilt, dt),
             (still, np.zeros((waiting.intervals, 3))),
             segment(tilted, away, self._free(retreat), retreat, dt),
@@ -97,7 +98,8 @@ class Placer:
         slide_begins = self._passes(states, np.arctan(mu), carry_samples)
         plan = self._finished(states, inputs, contact_samples, carry_samples, begin)
         landing = np.array([settings.target_y, self.scenario.table.height + geometry.half_thickness])
-        return PlacingPlan(plan, slide, slide_begins, contact_samples * dt, landing)
+        after = contact_samples - carry_samples
+        return PlacingPlan(plan, slide, slide_begins, contact_samples * dt, landing, after)
 
     def _way(self, tilt: float) -> float:
         """How far the object slides until its lower edge reaches the table [m]."""
@@ -113,10 +115,14 @@ class Placer:
         middle_y = edge_y + (way + g.half_length) * s[0]
         return np.array([middle_y, middle_z, 0.0]) + np.array([*(g.half_thickness * n), tilt])
 
-    def _free(self, layout: Layout) -> list[Constraint]:
+    def carrying(self, layout: Layout, shift: float = 0.0) -> list[Constraint]:
+        """Constraints while the object sticks; shift: how far it sits from the middle of the blade along s [m]."""
+        return constraints.contact(layout, self.scenario, np.arange(layout.intervals)) + self._free(layout, shift)
+
+    def _free(self, layout: Layout, shift: float = 0.0) -> list[Constraint]:
         """The workspace, and every corner of the blade above the table."""
         g, floor = self.geometry, self.scenario.table.height + self.settings.edge_clearance / 2
-        lower = [(s, n) for s, n in g.blade if n < -g.half_thickness]
+        lower = [(s - shift, n) for s, n in g.blade if n < -g.half_thickness]
         return [
             *constraints.workspace(layout, self.scenario, np.arange(1, layout.intervals + 1)),
             *constraints.clearance(layout, lower, floor, np.arange(1, layout.intervals)),

@@ -10,12 +10,14 @@ from flipdiagram.diagrams.controller import check_architecture
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.files import atomic_path, write_summary
 from flipdiagram.flips.workers import Workers
+from flipdiagram.planning.place_replanner import PlaceReplanner
 from flipdiagram.planning.placing import Placer, PlacingPlan
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.simulation.events import touchdown
 from flipdiagram.simulation.metrics import rmse
 from flipdiagram.simulation.recording import Recording, in_tool, roll
+from flipdiagram.simulation.replans import replans
 from flipdiagram.simulation.simulate import simulate
 from flipdiagram.studies.study import Progress, silent
 from flipdiagram.theory import contact
@@ -73,11 +75,15 @@ def run(
 def place_one(scenario: Scenario, architecture: str, plan: PlacingPlan, folder: Path) -> dict[str, Any]:
     """One run: simulate, judge, write its recording; its entry in `runs` of summary.json."""
     name = f"{architecture}.nc"
-    data = simulate(scenario, architecture, plan.plan).recording
+    placer = Placer(scenario, arm_of(scenario))
+    data = simulate(
+        scenario, architecture, plan.plan, replanner=lambda: PlaceReplanner(placer, plan.after_carry)
+    ).recording
     data["slide"] = (("time",), sliding(data), {"units": "m"})
     data["slide_cmd"] = (("time",), plan.displacement(data["time"].values), {"units": "m"})
     data["contact_state"] = (("time",), contact_states(data), {"units": "1", "note": "0 stick, 1 slide, 2 release"})
     placed = {"architecture": architecture} | judge(data, scenario.place.target_y, plan) | {"recording": name}
+    placed |= {} if (again := replans(data)) is None else {"replanning": again}
     with atomic_path(folder / name) as temporary:
         judged = data.assign_attrs(study="place", success=int(placed["success"]), failure=placed["failure"] or "")
         judged.to_netcdf(temporary, engine="scipy")

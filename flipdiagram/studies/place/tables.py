@@ -2,6 +2,7 @@
 
 from flipdiagram.grid import Grid
 from flipdiagram.studies.study import Summary
+from flipdiagram.studies.turnover.tables import replanning_grid
 
 
 def tables(summary: Summary) -> list[Grid]:
@@ -28,4 +29,5 @@ def tables(summary: Summary) -> list[Grid]:
         f"blade tilted to {plan['tilt_rad']:.2f} rad, friction angle {plan['friction_angle_rad']:.2f} rad,"
         f" target y = {100 * summary['target_y_m']:.0f} cm"
     )
-    return [Grid(["", "object", *quantities], rows, title, quantities)]
+    again = replanning_grid(summary["runs"])
+    return [Grid(["", "object", *quantities], rows, title, quantities), *([again] if again else [])]
