@@ -63,9 +63,10 @@ def _resolve(repetitions: int, quick: bool) -> Iterator[Section]:
 
 
 def _replan(repetitions: int, quick: bool) -> Iterator[Section]:
-    from bench import optimality, replan
+    from bench import optimality, replan, replan_loop
     from bench.contenders import casadi_plan
 
+    yield from replan_loop.sections(repetitions, quick)
     yield from replan.sections(repetitions, quick)
     if find_spec(casadi_plan.PACKAGE):
         yield optimality.measure(4 if quick else optimality.STARTS)
