@@ -31,7 +31,7 @@ AGREE = 1e-4
 TEXT = (
     "The default flip by pd+ff+dob in Drake, planned again every millisecond of the contact phase: the solve time of"
     " each replan as the recording has it. Parts: in another such flip whose clocks cost time themselves. CasADi: every"
-    " tenth QP of a flip, the dense program that DAQP is given, by CasADi's interfaces to qpOASES and OSQP; linearising"
+    " tenth QP of a flip, started cold, the program that DAQP is given, by CasADi's qpOASES and OSQP; linearising"
     " and building the program are not in their times. acados is in no registry of Python packages."
 )
 

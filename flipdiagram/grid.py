@@ -80,8 +80,9 @@ class Grid:
 
     def markdown(self) -> str:
         """The table as Markdown, ending with a newline."""
-        lines = [list(self.headings), ["---:" if heading in self.right else "---" for heading in self.headings]]
-        lines += [[cell.replace("|", "\\|").replace("\n", " ") for cell in row] for row in self.rows]
+        head, rule = list(self.headings), ["---:" if heading in self.right else "---" for heading in self.headings]
+        head, *rows = ([cell.replace("|", "\\|").replace("\n", " ") for cell in row] for row in (head, *self.rows))
+        lines = [head, rule, *rows]
         return "".join("| " + " | ".join(line) + " |\n" for line in lines)
 
     def section(self) -> str:

@@ -34,7 +34,9 @@ PLACE_FIGURES = (
 )
 REPLANNING = (
     "Disturbed flips with the plan made once, and with the rest of the motion planned again while the block is on the"
-    " blade: from the command, from the measured tool, with more or fewer samples too, and with a camera."
+    " blade: every 20 ms, with more or fewer samples too, every millisecond, and with a camera; then random worlds."
+    " With feed-forward the plan starts from the measured tool, without it from the command: there the error is what"
+    " accelerates the arm."
 )
 PLACE = "Beyond the paper: the block is let slide off the tilted blade, eq. (8), to lie flat within 2 cm of a target."
 QUICK = "> **A quick report**: coarse, two starts, few maps. Run `flipdiagram report` for the numbers to quote.\n"
