@@ -72,7 +72,7 @@ def test_every_public_module_has_a_page_that_others_link_to(reference):
         ),
         ("blocks/inverse_jacobian", "qdd_ref = J_t^-1 (a_ref - Jdot_t qd)"),
         ("diagrams/controller", "The four architectures differ by which boxes are present"),
-        ("scenario/one_dof", "position gain (p) [1/s2]"),
+        ("scenario/one_dof", "position gain (p) [1/s2, 0 to"),
     ],
 )
 def test_equations_ports_and_units_are_there(page, module, words):

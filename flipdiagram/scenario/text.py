@@ -165,11 +165,11 @@ def spans_of(field: FieldInfo) -> list[tuple[float, float]]:
 
 
 def _kind(field: FieldInfo) -> tuple[Any, bool]:
-    """The type of a field without None, and whether it may be None."""
+    """The type of a field without None, where only one is left, and whether it may be None."""
     if get_origin(field.annotation) not in (Union, UnionType):
         return field.annotation, False
-    (kind,) = (kind for kind in get_args(field.annotation) if kind is not NoneType)
-    return kind, NoneType in get_args(field.annotation)
+    kinds = [kind for kind in get_args(field.annotation) if kind is not NoneType]
+    return kinds[0] if len(kinds) == 1 else field.annotation, NoneType in get_args(field.annotation)
 
 
 def _item(kind: Any) -> tuple[Any, list[Any] | None]:

@@ -3,6 +3,7 @@
 import math
 
 import yaml
+from hostile.models import FAULTS, MODELS, TEXTS, spoiled
 from hostile.table import Case, run
 
 from flipdiagram.campaign.distributions import KINDS as DISTRIBUTIONS
@@ -72,6 +73,21 @@ def specification(dice):
     return Case("specification", ["campaign", "--quiet", "c.yaml"], 0, (), {"c.yaml": dump(text)})
 
 
+def model(dice):
+    """A model file with faults, by which a motion is planned."""
+    name, text, field, overrides = MODELS[dice.choice(list(MODELS))]
+    faults = [
+        (dice.choice(FAULTS), dice.randrange(10**6), dice.randrange(10**6), dice.choice(TEXTS))
+        for _ in range(dice.randint(1, 3))
+    ]
+    sections = {}
+    for path, given in {**overrides, field: name}.items():
+        section, key = path.split(".")
+        sections.setdefault(section, {})[key] = given
+    files = {"a.yaml": dump(sections), name: spoiled(text, faults)}
+    return Case("model", ["plan", "--quiet", "--scenario", "a.yaml"], 0, (), files)
+
+
 def words(dice):
     """Words of the command line that nobody would write."""
     some = ["plan", "info", "scenario", "--out", "--jobs", "--yes", "--quiet", "--", "-h", "", "x", "9" * 30, "--a.b=1"]
@@ -83,7 +99,13 @@ def dump(data):
     return yaml.safe_dump(data, sort_keys=False, default_flow_style=None)
 
 
-KINDS = {"scenario": (scenario, 10), "specification": (specification, 4), "words": (words, 1), "flip": (flip, 1)}
+KINDS = {
+    "scenario": (scenario, 10),
+    "specification": (specification, 4),
+    "model": (model, 4),
+    "words": (words, 1),
+    "flip": (flip, 1),
+}
 """Name → (what draws it, how often)."""
 
 
