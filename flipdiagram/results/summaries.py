@@ -14,7 +14,7 @@ from flipdiagram.planning.plan import Plan
 from flipdiagram.simulation.recording_files import load_recording
 from flipdiagram.studies.study import Summary
 
-OMITTED = ("start_y_m", "plan", "touchdown")
+OMITTED = ("start_y_m", "plan", "touchdown", "replanning")
 """Entries of a run that are coordinates, the same for all architectures, or spread out."""
 
 
@@ -48,8 +48,12 @@ def experiment(summary: Summary, folder: Path) -> xr.Dataset:
 
 
 def replanning(summary: Summary, folder: Path) -> xr.Dataset:
-    """The runs over (case, way, architecture, joint)."""
-    return _runs(summary, ["case", "way", "architecture"])
+    """The runs over (case, way, architecture, joint); of random worlds `world_turned_over`, `world_rate` and interval."""
+    data, kept = _runs(summary, ["case", "way", "architecture"]), ("turned_over", "rate", "low", "high")
+    dims = ["way", "architecture"]
+    rows = [{name: entry[name] for name in (*dims, *kept)} for entry in summary["worlds"]["entries"]]
+    worlds = _table(rows, dims).rename({name: f"world_{name}" for name in kept}) if rows else xr.Dataset()
+    return xr.merge([data, worlds], join="outer", compat="no_conflicts").assign_attrs(data.attrs)
 
 
 def engines(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
@@ -187,10 +191,11 @@ def _head(summary: Summary) -> dict[str, Any]:
 
 
 def _runs(summary: Summary, dims: Sequence[str], files: Iterable[Path] = ()) -> xr.Dataset:
-    """The runs over the entries that tell them apart; each touch-down spread out."""
+    """The runs over the entries that tell them apart; each touch-down, and what was planned again, spread out."""
     runs = []
     for run in summary["runs"]:
         kept = {name: value for name, value in run.items() if name in dims or name not in OMITTED}
+        kept |= run.get("replanning") or {}
         if "touchdown_time_s" not in run:
             landed = run.get("touchdown") or {}
             kept |= {f"touchdown_{name}": landed.get(name) for name in ("time_s", "y_m", "z_m", "theta_rad")}

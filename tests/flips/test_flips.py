@@ -218,9 +218,7 @@ def folder(tmp_path_factory):
 def flips():
     near = IDEAL.with_overrides(SHORT)
     far = near.with_overrides({"planner.table_clearance": 0.3})
-    wild = near.with_overrides(
-        {"simulation.start": "hold", "controller.k_p": 1e8, "controller.k_v": 1e6, "arm.torque_scale": 1e4}
-    )
+    wild = near.with_overrides({"controller.k_v": 1e6, "arm.torque_scale": 1e4})
     return [
         Flip(near, "pd+ff+dob", "a.nc"),
         Flip(far, "pd"),

@@ -44,7 +44,7 @@ CASES += [
     for kind, (make, says) in KINDS.items()
     if kind in ("pipe", "endless", "directory")
 ]
-NAMES = {"NUL": ("a\0b.nc", "null"), "long": ("n" * 300 + ".nc", "File name too long")}
+NAMES = {"NUL": ("a\0b.nc", "b.nc"), "long": ("n" * 300 + ".nc", "File name too long")}
 CASES += [
     Case(f"{' '.join(words)} {kind}", [*words, name], 2, (says,))
     for words in (["plan", "--scenario"], ["campaign"], ["info"], ["campaign", "--watch"], ["campaign", "--analyse"])
