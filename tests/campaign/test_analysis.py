@@ -28,9 +28,9 @@ NAMES = ("pd", "pd+ff", "pd+dob", "pd+ff+dob")
 WORLD = """
 base: {simulation: {hold_time: 0.05}}
 vary:
-  object.friction: {uniform: [0.0001, 1.0]}
-  object.mass: {uniform: [0.0001, 1.0]}
-  table.friction: {uniform: [0.0001, 1.0]}
+  object.friction: {uniform: [0.01, 1.0]}
+  object.mass: {uniform: [0.01, 1.0]}
+  table.friction: {uniform: [0.01, 1.0]}
   simulation.contact_model: {choice: [point, hydroelastic]}
 sampler: SAMPLER
 trials: TRIALS
@@ -122,7 +122,7 @@ def test_the_map_is_of_the_two_that_matter_most_and_counts_every_trial(summary):
     drawn = summary["map"]
     assert drawn["x"]["parameter"] == "object.friction"
     cells = drawn["architectures"]["pd+ff+dob"]
-    assert np.sum(cells["trials"]) == 192 and np.sum(cells["successes"]) == 134
+    assert np.sum(cells["trials"]) == 192 and np.sum(cells["successes"]) == 136
     assert np.sum(drawn["architectures"]["pd"]["trials"]) == 188
     rate = np.sum(cells["successes"], axis=0) / np.sum(cells["trials"], axis=0)
     assert rate[0] == 0 and rate[-1] == 1

@@ -1,5 +1,6 @@
 """Batches: how many calls they carry, and that what one call does is no other's business."""
 
+import json
 import os
 from concurrent.futures import Future
 
@@ -108,7 +109,8 @@ class Losing(Workers):
 
 def test_a_lost_batch_loses_no_trial_and_blames_none_but_the_one_that_is_always_lost(tmp_path, undisturbed):
     specification = from_text(QUIET.replace("pd, pd+ff+dob", "pd"))
-    path, meta = tmp_path / "campaign.sqlite", {"digest": "", "specification": "{}"}
+    path = tmp_path / "campaign.sqlite"
+    meta = {"digest": specification.digest, "specification": json.dumps(specification.as_dict())}
     with Losing(fatal=17) as workers, open_to_write(path, meta) as store:
         flying = Flying(workers, store, WORK, specification.limits)
         fly_all(missing_draws(specification, {}), specification.rows, flying)
