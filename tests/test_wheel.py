@@ -82,7 +82,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(built):
     assert package <= data | {name for name in package if name.startswith("flipdiagram/urdf/")}
     assert not {name for name in package if re.search(r"tests?/|notebooks?/|\.ipynb$|\.pyc$", name)}
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
-    assert "flipdiagram = flipdiagram.cli.main:main" in metadata["entry_points.txt"]
+    assert "flipdiagram = flipdiagram.__main__:main" in metadata["entry_points.txt"]
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert f"Version: {project['version']}" in metadata["METADATA"] and "Requires-Dist: drake" in metadata["METADATA"]
 
