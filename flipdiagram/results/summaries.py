@@ -48,7 +48,7 @@ def experiment(summary: Summary, folder: Path) -> xr.Dataset:
 
 
 def replanning(summary: Summary, folder: Path) -> xr.Dataset:
-    """The runs over (case, way, architecture, joint); of random worlds `world_turned_over`, `world_rate`, its interval."""
+    """The runs over (case, way, architecture, joint); of random worlds `world_turned_over` and rate with interval."""
     data, kept = _runs(summary, ["case", "way", "architecture"]), ("turned_over", "rate", "low", "high")
     dims = ["way", "architecture"]
     rows = [{name: entry[name] for name in (*dims, *kept)} for entry in summary["worlds"]["entries"]]
