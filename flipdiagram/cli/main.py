@@ -5,6 +5,7 @@ What a process does with signals stands in `__main__`.
 """
 
 import errno
+import logging
 import os
 import sys
 from collections.abc import Sequence
@@ -54,7 +55,13 @@ def _outcome(argv: list[str]) -> tuple[int, str]:
         return InputError.exit_code, f"error: {error.strerror}"
 
 
+def _is_news(record: logging.LogRecord) -> bool:
+    return record.levelno >= logging.WARNING
+
+
 def _run(argv: list[str]) -> int:
+    # what Drake's solvers report of their progress is no news; a level would be reset where Drake is imported
+    logging.getLogger("drake").addFilter(_is_news)
     rest, overrides = split_overrides(argv)
     options = parser()
     try:
