@@ -7,6 +7,7 @@ import sqlite3
 import subprocess
 import sys
 import zlib
+from contextlib import closing
 from dataclasses import astuple, fields
 from pathlib import Path
 
@@ -135,11 +136,11 @@ def test_a_lock_goes_with_its_process(file):
 
 
 def test_a_newer_version_is_refused_and_left_alone(file):
-    with sqlite3.connect(file) as database:
+    with closing(sqlite3.connect(file)) as database, database:
         database.execute("PRAGMA user_version = 99")
     database.close()
     refused(file, "version 99", "newer")
-    with sqlite3.connect(file) as database:
+    with closing(sqlite3.connect(file)) as database, database:
         assert database.execute("SELECT count(*) FROM trials").fetchone() == (5,)
     database.close()
 
@@ -154,7 +155,7 @@ def test_what_is_no_database_is_refused_and_left_alone(tmp_path, content):
 
 def test_a_database_of_something_else_is_refused_and_left_alone(tmp_path):
     path = tmp_path / "other.sqlite"
-    with sqlite3.connect(path) as database:
+    with closing(sqlite3.connect(path)) as database, database:
         database.execute("CREATE TABLE letters (text TEXT)")
     database.close()
     before = path.read_bytes()
@@ -172,7 +173,7 @@ def test_the_flips_of_a_study_are_no_campaign(tmp_path):
 
 def test_a_file_of_version_1_of_a_study_is_refused_and_left_alone(tmp_path):
     path = tmp_path / "runs.sqlite"
-    with sqlite3.connect(path) as database:
+    with closing(sqlite3.connect(path)) as database, database:
         database.execute("CREATE TABLE flips (key TEXT PRIMARY KEY, outcome TEXT)")
         database.execute("PRAGMA user_version = 1")
     database.close()
@@ -185,7 +186,7 @@ def test_a_file_of_version_1_of_a_campaign_is_read_and_gone_on_with(tmp_path):
     path = tmp_path / "campaign.sqlite"
     columns = SCHEMA.replace("trial ANY NOT NULL", "trial INTEGER NOT NULL")
     assert columns != SCHEMA
-    with sqlite3.connect(path) as database:
+    with closing(sqlite3.connect(path)) as database, database:
         database.executescript(columns)
         database.executemany("INSERT INTO meta VALUES (?, ?)", META.items())
         database.execute(f"PRAGMA application_id = {APPLICATION}")

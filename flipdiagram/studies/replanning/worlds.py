@@ -19,7 +19,7 @@ from flipdiagram.flips.workers import Workers
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.studies.study import Progress
 
-WORLDS, QUICK_WORLDS = 200, 4
+WORLDS, QUICK_WORLDS = 200, 1
 VARY = """
 vary:
   object.friction: {uniform: [0.6, 2.0]}

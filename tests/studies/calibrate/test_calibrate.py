@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import time
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -152,7 +153,7 @@ def rows(out):
     file = out / study.FILE
     if not file.exists():
         return 0
-    with sqlite3.connect(f"file:{file}?mode=ro", uri=True) as database:
+    with closing(sqlite3.connect(f"file:{file}?mode=ro", uri=True)) as database, database:
         try:
             return database.execute("SELECT count(*) FROM trials").fetchone()[0]
         except sqlite3.OperationalError:  # not made yet

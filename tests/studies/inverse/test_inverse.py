@@ -2,6 +2,7 @@
 
 import json
 import sqlite3
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -63,7 +64,7 @@ def test_the_smallest_change_leaves_out_what_is_not_needed_and_halves_the_rest(s
 def test_a_controller_is_flown_only_where_those_before_it_went_as_told(out, summary):
     counts = [(stage["flown"], stage["went"]) for stage in summary["stages"]]
     assert counts[0][0] == 40 and all(b[0] == a[1] for a, b in zip(counts, counts[1:], strict=False))
-    with sqlite3.connect(out / study.FILE) as database:
+    with closing(sqlite3.connect(out / study.FILE)) as database, database:
         count = "SELECT count(*) FROM trials WHERE architecture = ? AND trial NOT LIKE 'recorded%'"
         flown = [database.execute(count, (name,)).fetchone()[0] for name, _ in study.STAGES]
     assert flown[0] >= 40 and flown[0] > flown[1] >= flown[2] >= flown[3] >= summary["found"]
