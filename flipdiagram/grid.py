@@ -69,7 +69,7 @@ class Grid:
         table = Table(title=escape(self.title) if self.title else None, title_justify="left")
         for heading in self.headings:
             justify: Any = "right" if heading in self.right else "center" if heading in self.centred else "left"
-            table.add_column(heading, justify=justify, no_wrap=heading in self.whole)
+            table.add_column(escape(heading), justify=justify, no_wrap=heading in self.whole)
         for row in self.rows:
             table.add_row(*(self._coloured(escape(cell.replace("**", "").replace("`", ""))) for cell in row))
         return table

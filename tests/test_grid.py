@@ -40,3 +40,13 @@ def test_a_terminal_shows_no_marks_of_markdown():
 
 def test_an_open_verdict_is_neither_yes_nor_no():
     assert [verdict(holds) for holds in (True, False, None)] == ["yes", "no", "not judged"]
+
+
+def test_a_unit_in_a_heading_is_no_markup():
+    from io import StringIO
+
+    from rich.console import Console
+
+    out = StringIO()
+    Console(file=out, width=60).print(Grid(["solve time\n[ms]", "way [cm]"], [["1.2", "3"]]).rich())
+    assert "[ms]" in out.getvalue() and "[cm]" in out.getvalue()
