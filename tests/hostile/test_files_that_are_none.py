@@ -22,9 +22,9 @@ KINDS = {
     "bytes": (lambda path: path.write_bytes(b"\xff\xfe\x00"), "not UTF-8 text"),
 }
 PLACES = {
-    "scenario": ["plan", "--scenario", "f.yaml"],
+    "scenario": ["plan", "--out", ".", "--scenario", "f.yaml"],
     "campaign": ["campaign", "f.yaml"],
-    "calibrate": ["calibrate", "f.yaml"],
+    "calibrate": ["calibrate", "--out", ".", "f.yaml"],
     "base of a campaign": ["campaign", "c.yaml"],
 }
 CASES = [
@@ -39,7 +39,7 @@ CASES = [
     for kind, (make, says) in KINDS.items()
 ]
 CASES += [
-    Case(f"{option}, {kind}", ["plan", f"--{option}", "m.urdf"], 2, (option, says), {"m.urdf": make})
+    Case(f"{option}, {kind}", ["plan", "--out", ".", f"--{option}", "m.urdf"], 2, (option, says), {"m.urdf": make})
     for option in ("arm.file", "tool.file", "object.file")
     for kind, (make, says) in KINDS.items()
     if kind in ("pipe", "endless", "directory")
@@ -47,16 +47,17 @@ CASES += [
 NAMES = {"NUL": ("a\0b.nc", "b.nc"), "long": ("n" * 300 + ".nc", "File name too long")}
 CASES += [
     Case(f"{' '.join(words)} {kind}", [*words, name], 2, (says,))
-    for words in (["plan", "--scenario"], ["campaign"], ["info"], ["campaign", "--watch"], ["campaign", "--analyse"])
+    for words in (
+        ["plan", "--out", ".", "--scenario"],
+        ["campaign"],
+        ["info"],
+        ["campaign", "--watch"],
+        ["campaign", "--analyse"],
+    )
     for kind, (name, says) in NAMES.items()
 ]
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_what_is_no_file_is_one_line(case, tmp_path, monkeypatch, capfd):
-    case = Case(
-        case.name,
-        case.words + (["--out", "."] if case.words[0] in ("plan", "calibrate") else []),
-        *(getattr(case, k) for k in ("code", "says", "files")),
-    )
     check(case, tmp_path, monkeypatch, capfd)
