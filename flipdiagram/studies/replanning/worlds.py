@@ -73,7 +73,8 @@ def fly_worlds(
 def compare(flown: Sequence[Outcome], first: Sequence[Outcome]) -> dict[str, Any]:
     """The same worlds in two ways: success, and where both succeed J of the landing and the position RMSE.
 
-    Differences are of the medians of the pairs, first way subtracted; p by Wilcoxon's signed ranks (1945).
+    median_difference is the median over the pairs of this way's number less the first way's; p by Wilcoxon's signed
+    ranks (1945).
     """
     from scipy.stats import wilcoxon
 
