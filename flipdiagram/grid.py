@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import math
 import sys
 from collections.abc import Collection, Mapping, Sequence
@@ -84,6 +85,20 @@ class Grid:
         head, *rows = ([cell.replace("|", "\\|").replace("\n", " ") for cell in row] for row in (head, *self.rows))
         lines = [head, rule, *rows]
         return "".join("| " + " | ".join(line) + " |\n" for line in lines)
+
+    def html(self) -> str:
+        """The table as HTML for a notebook, the title above; a long one scrolls in a box."""
+        rows = "".join(f"<tr>{''.join(map(self._cell, row, self.headings))}</tr>" for row in self.rows)
+        head = "".join(map(self._cell, self.headings, self.headings))
+        table = f'<table><thead style="font-weight: bold"><tr>{head}</tr></thead><tbody>{rows}</tbody></table>'
+        box = f'<div style="max-height: 20em; overflow: auto">{table}</div>'
+        return f"<div><b>{html.escape(self.title)}</b>{box}</div>" if self.title else box
+
+    def _cell(self, text: str, heading: str) -> str:
+        plain = text.replace("**", "").replace("`", "")
+        colour = "; color: #00734f" if plain in self.good else "; color: #b34700" if plain in self.bad else ""
+        side = "right" if heading in self.right else "left"
+        return f'<td style="text-align: {side}{colour}">{html.escape(plain)}</td>'
 
     def section(self) -> str:
         """Title and table as Markdown; '' without rows."""

@@ -1,6 +1,7 @@
 """Tables of texts: on a terminal and as Markdown, with every character as it was."""
 
 import io
+from xml.etree import ElementTree
 
 import pytest
 from markdown_it import MarkdownIt
@@ -50,3 +51,12 @@ def test_a_unit_in_a_heading_is_no_markup():
     out = StringIO()
     Console(file=out, width=60).print(Grid(["solve time\n[ms]", "way [cm]"], [["1.2", "3"]]).rich())
     assert "[ms]" in out.getvalue() and "[cm]" in out.getvalue()
+
+
+def test_a_notebook_shows_the_same_texts_escaped_with_verdicts_in_colour():
+    html = Grid(["a", "n"], [["<i>", "1"], ["`no`", "2"]], title="a < b", right=["n"]).html()
+    root = ElementTree.fromstring(html)
+    assert [cell.text for cell in root.iter("td")] == ["a", "n", "<i>", "1", "no", "2"]
+    assert root.find("b").text == "a < b"
+    styles = [cell.get("style") for cell in root.iter("td")]
+    assert "right" in styles[3] and "color" in styles[4] and "color" not in styles[5]

@@ -32,12 +32,6 @@ def load_specification(path: str | Path, changes: Mapping[str, Any] | None = Non
     return specification(read(path), Path(path).parent, changes)
 
 
-def changes_of(scenario: Scenario) -> dict[str, Any]:
-    """The fields of a scenario that are not at their defaults, by path."""
-    default = Scenario()
-    return {path: v for path in field_paths() if (v := value_of(scenario, path)) != value_of(default, path)}
-
-
 def from_text(text: str, name: str = "campaign.yaml") -> Specification:
     """Check the text of a campaign file."""
     return specification(parse(text, name), Path("."))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from flipdiagram.campaign.analysis import analyse as analysis_of
-from flipdiagram.campaign.checks import changes_of, load_specification
+from flipdiagram.campaign.checks import load_specification
 from flipdiagram.campaign.dataset import export as export_to
 from flipdiagram.campaign.dataset import load_dataset
 from flipdiagram.campaign.figures import plot_tuning, write_figures
@@ -65,7 +65,7 @@ def fly(
     yes: even if it takes longer than its limit.  settings: of `campaign.run.run`.
     """
     if analyse is None:
-        specification = load_specification(file, changes_of(scenario))
+        specification = load_specification(file, scenario.changes())
         if yes:
             specification = replace(specification, limit_hours=math.inf)
         analyse = run(specification, out, progress=progress, **settings).file
@@ -77,7 +77,7 @@ def tune(scenario: Scenario, out: Path, *, file: str | None, **settings: Any) ->
     """Search the gains that work most often; settings: of `tuner.tune`."""
     if file is None:
         raise InputError("--tune needs the specification FILE with a section `tune`", field="--tune")
-    specification, wanted = load_tuning(file, changes_of(scenario))
+    specification, wanted = load_tuning(file, scenario.changes())
     write_tuning(search(specification, wanted, out, **settings), specification.base, out)
 
 

@@ -16,6 +16,7 @@ from pydantic import Field, PlainValidator, TypeAdapter, ValidationError
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import InputError
 from flipdiagram.files import RESULT_BYTES, read_text
+from flipdiagram.grid import Grid, number
 from flipdiagram.planning.model import flight
 from flipdiagram.theory import contact
 
@@ -38,7 +39,7 @@ Count = Annotated[int, Field(strict=True, ge=1)]
 Samples = Annotated[Floats, PlainValidator(_finite)]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Plan:
     """Samples of the tool's motion, time 0 at its start; all SI.
 
@@ -157,6 +158,26 @@ class Plan:
         flying = self.release[:3] + self.release[3:] * tau
         flying = flying + np.array([0.0, contact.GRAVITY_Z / 2, 0.0]) * tau**2
         return np.where((t < self.release_time)[..., None], self.sample(t)[0], flying)
+
+    def __repr__(self) -> str:
+        return (
+            f"Plan(release at {self.release_time:.2f} s and {self.release[2]:.2f} rad, touch-down at"
+            f" {self.touchdown_time:.2f} s and {self.landing[2]:.2f} rad, J = {self.cost:.3f})"
+        )
+
+    def _repr_html_(self) -> str:
+        use = ", ".join(f"{kind} {share:.0%}" for kind, share in self.limit_use.items())
+        angle = f"{number(self.max_sliding_angle)} (friction angle {number(self.friction_angle)})"
+        rows = [
+            ["release", "rad", f"{number(self.release[2])} at {number(self.release_time)} s"],
+            ["touch-down", "rad", f"{number(self.landing[2])} at {number(self.touchdown_time)} s"],
+            ["touch-down at y", "m", number(self.landing[0])],
+            ["largest sliding angle", "rad", angle],
+            ["limits of the joints used", "", use],
+            ["cost J", "1", number(self.cost)],
+            ["planned in", "s", f"{number(self.solve_time)}, {self.iterations} quadratic programs"],
+        ]
+        return Grid(["", "unit", "planned"], rows, "Plan").html()
 
     def summary(self) -> dict[str, Any]:
         """The `plan` entry of summary.json."""

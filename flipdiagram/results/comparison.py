@@ -1,5 +1,6 @@
 """Two results side by side: what differs in signals, metrics, scenario, verdicts and numbers."""
 
+import html
 import itertools
 import os
 from collections.abc import Sequence
@@ -42,9 +43,9 @@ class SignalDifference:
     """Samples at which one is nan and the other is not; they count in neither number."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison:
-    """What `compare` found; shows itself as Markdown in a notebook."""
+    """What `compare` found; one line in a terminal, tables in a notebook."""
 
     names: tuple[str, str]
     kind: str
@@ -145,8 +146,25 @@ class Comparison:
 
         return plots.draw_components(parts, ax, draw)
 
-    def _repr_markdown_(self) -> str:
-        return self.to_markdown()
+    def __repr__(self) -> str:
+        counts = {
+            "signal component": len(self._differing),
+            "metric": sum(not change.same for change in self.metrics),
+            "scenario field": len(self.scenario),
+            "verdict": len(self.verdicts),
+            "number": len(self.numbers),
+        }
+        found = [f"{count} {what}{'s' * (count > 1)}" for what, count in counts.items() if count]
+        found += ["times"] if self.same_grid is False else []
+        found += ["notes"] if self.notes and not found else []
+        a, b = _told_apart(self.names)
+        verdict = f" differ in {', '.join(found)}" if found else ": no difference"
+        return f"Comparison({self.kind}, {a} and {b}{verdict})"
+
+    def _repr_html_(self) -> str:
+        tables = "".join(grid.html() for grid in self.grids(*_told_apart(self.names)))
+        notes = "".join(f"<p>{html.escape(note.replace('`', ''))}</p>" for note in self.notes)
+        return f"<p>{html.escape(repr(self))}</p>{notes}{tables}"
 
 
 Comparable = xr.Dataset | Plan | str | os.PathLike[str]

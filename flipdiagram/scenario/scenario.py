@@ -2,7 +2,7 @@
 
 A `Scenario` is immutable.  `Scenario()` is the default, `load` reads a YAML file that may be partial (a delta
 on the defaults), `with_overrides` changes single fields by path.  Every bad value ends in a one-line
-`ScenarioError`; only the classes called directly raise pydantic's own ValidationError.
+`ScenarioError`.
 
 Sources of the defaults: (p) the paper; (H) (M) (L) high, medium, low confidence, from published data on the
 arm and its drives; (o) our own choice, explained where it is set; (c: low to high) what `flipdiagram calibrate
@@ -21,13 +21,14 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from flipdiagram.files import read_text
+from flipdiagram.grid import Grid
 from flipdiagram.scenario.cell import JOINTS, Arm, Disturbance, Inertia, JointFriction, Object, Table, Tool
 from flipdiagram.scenario.joints import Drive, Joints, Sensors
 from flipdiagram.scenario.motion import Planner, Task
 from flipdiagram.scenario.one_dof import Frequency, OneDof, check_nyquist
 from flipdiagram.scenario.place import Place
-from flipdiagram.scenario.text import Section, dump, fields_of, invalid, override, quantity, spans_of, validate
-from flipdiagram.scenario.yaml_reader import read_mapping
+from flipdiagram.scenario.text import Section, dump, fields_of, invalid, override, quantity, spans_of, unit_of, validate
+from flipdiagram.scenario.yaml_reader import read_mapping, show
 
 FILES = ("arm.file", "tool.file", "object.file")
 """Fields that name a model file."""
@@ -35,6 +36,8 @@ ENCODER_BITS = 13
 """Of the encoders of the MH3F's motors (H: 13 to 16)."""
 LEAD_TIMES = {"equilibrium": 0.1, "hold": 2.0, "switch-on": 0.0}
 """Seconds before the motion where a scenario names none: in 0.1 the contact settles, in 2 the observer, to exp(−25)."""
+SHOWN = 4
+"""Fields that the one line of a Scenario in a terminal shows."""
 ARCHITECTURES = ("pd", "pd+ff", "pd+dob", "pd+ff+dob")
 Architecture = Literal["pd", "pd+ff", "pd+dob", "pd+ff+dob"]
 
@@ -149,8 +152,29 @@ class Scenario(Section):
         return self
 
     def with_overrides(self, overrides: Mapping[str, Any]) -> Scenario:
-        """A copy with fields changed by path, {"controller.k_p": 400.0}; ScenarioError for a bad one."""
+        """A copy with fields changed by path, {"controller.k_p": 400.0}, or nested, {"controller": {"k_p": 400.0}}.
+
+        Raises ScenarioError for a bad one.
+        """
         return override(Scenario, self.model_dump(), overrides)
+
+    def changes(self) -> dict[str, Any]:
+        """The fields that are not at their defaults, by path: what `with_overrides` takes."""
+        default = Scenario()
+        return {path: v for path in field_paths() if (v := value_of(self, path)) != value_of(default, path)}
+
+    def __repr__(self) -> str:
+        changes = [f"{path}={show(value)}" for path, value in self.changes().items()]
+        more = [f"… {len(changes) - SHOWN} more"] if len(changes) > SHOWN else []
+        return f"Scenario({', '.join(changes[:SHOWN] + more)})"
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        fields, default = fields_of(Scenario), Scenario()
+        rows = [[p, show(v), show(value_of(default, p)), unit_of(fields[p])] for p, v in self.changes().items()]
+        title = f"Scenario: {len(rows) or 'no'} field{'s' * (len(rows) != 1)} not at the default"
+        return Grid(["field", "value", "default", "unit"], rows, title).html() if rows else f"<p>{title}</p>"
 
     def between(self, start: tuple[float, float], target: tuple[float, float]) -> Scenario:
         """A copy whose object starts at (x, y) [m] over the table and shall land at another (x, y): a motion in 3-D.

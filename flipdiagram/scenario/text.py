@@ -8,7 +8,7 @@ import difflib
 import math
 from collections.abc import Iterable, Mapping
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TypeVar, Union, get_args, get_origin
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -48,6 +48,21 @@ class Section(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, validate_default=True)
 
+    if not TYPE_CHECKING:  # a checker shall see the fields as arguments, which this signature hides
+
+        def __init__(self, **data: Any) -> None:
+            try:
+                super().__init__(**data)
+            except ValidationError as error:
+                raise error_of(type(self), data, error) from None
+
+        __init__.__pydantic_base_init__ = True  # sections inside others are validated without it, and located whole
+
+        def __setattr__(self, name: str, value: Any) -> NoReturn:
+            remedy = "with_overrides({'section.field': value}) gives a changed copy"
+            message = f"{name} = {show(value)} cannot be set: a {type(self).__name__} does not change; {remedy}"
+            raise ScenarioError(message, field=name, value=value, valid=remedy)
+
     @model_validator(mode="before")
     @classmethod
     def _lists_are_tuples(cls, data: Any) -> Any:
@@ -67,32 +82,42 @@ def validate(model: type[Model], data: Any) -> Model:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
+        raise error_of(model, data, error) from None
+
+
+def error_of(model: type[BaseModel], data: Any, error: ValidationError) -> ScenarioError:
+    """The first of pydantic's errors about a tree of sections, or about a section alone, as ours."""
+    first = error.errors(include_url=False)[0]
     # an error inside a tuple is located at its item: show the whole
     location, context = [str(part) for part in first["loc"]], first.get("ctx", {})
+    if not is_tree(model):
+        location = [model.__name__, *location]
     if first["type"] == "scenario":
-        raise bad_value(".".join([*location, context["field"]]), context["value"], context["valid"])
+        return bad_value(".".join([*location, context["field"]]), context["value"], context["valid"])
     if first["type"] in ("extra_forbidden", "invalid_key"):
-        raise unknown_field(model, ".".join(location))
+        return unknown_field(model, ".".join(location))
     if len(location) > 1:
         section, name = location[:2]
-        raise bad_value(f"{section}.{name}", data[section][name], describe_valid(fields_of(model)[f"{section}.{name}"]))
+        value, field = (data if not is_tree(model) else data[section])[name], fields_of(model)[f"{section}.{name}"]
+        return bad_value(f"{section}.{name}", value, describe_valid(field))
     what, valid = "scenario", "'section: {field: value}'"
     if location:
         what = f"scenario section '{location[0]}'"
         valid = f"'field: value' with {', '.join(section_of(model, location[0]).model_fields)}"
     message = f"{what} = {show(first['input'])} is no mapping; valid is {valid}"
-    raise ScenarioError(message, field="".join(location), value=first["input"], valid=valid)
+    return ScenarioError(message, field="".join(location), value=first["input"], valid=valid)
 
 
 def override(model: type[Model], data: Mapping[str, Any], changes: Mapping[str, Any]) -> Model:
-    """The model from `data` with single fields replaced by path, {"section.field": value}."""
+    """The model from `data` with fields replaced, {"section.field": value} or {"section": {"field": value}}."""
     sections, valid = {name: dict(values) for name, values in data.items()}, fields_of(model)
-    for path, value in changes.items():
-        if path not in valid:
-            raise unknown_field(model, path)
-        section, name = path.split(".")
-        sections[section][name] = value
+    for key, value in changes.items():
+        inside = value if isinstance(value, Mapping) and key in sections else {"": value}
+        for path, single in ((f"{key}.{name}" if name else str(key), item) for name, item in inside.items()):
+            if path not in valid:
+                raise unknown_field(model, path)
+            section, name = path.split(".")
+            sections[section][name] = single
     return validate(model, sections)
 
 
@@ -108,8 +133,16 @@ def dump(scenario: BaseModel, comments: bool) -> str:
     return "\n".join(lines) + "\n"
 
 
+def is_tree(model: type[BaseModel]) -> bool:
+    """Whether the fields of a model are sections; else it is a section of plain fields."""
+    kinds = (field.annotation for field in model.model_fields.values())
+    return all(isinstance(kind, type) and issubclass(kind, BaseModel) for kind in kinds)
+
+
 def fields_of(model: type[BaseModel]) -> dict[str, FieldInfo]:
-    """All fields by path, 'section.field', in order."""
+    """All fields by path, 'section.field', in order; of a section alone its class stands for 'section'."""
+    if not is_tree(model):
+        return {f"{model.__name__}.{name}": field for name, field in model.model_fields.items()}
     return {
         f"{section}.{name}": field
         for section in model.model_fields
@@ -132,9 +165,12 @@ def bad_value(path: str, value: Any, valid: str) -> ScenarioError:
 
 def unknown_field(model: type[BaseModel], path: str) -> ScenarioError:
     """The error of a path that no field has: the likely meaning, and the valid names at that level."""
-    paths, sections = list(fields_of(model)), list(model.model_fields)
+    paths, sections = list(fields_of(model)), list(model.model_fields) if is_tree(model) else [model.__name__]
     section, _, name = path.partition(".")
     valid = [p for p in paths if p.startswith(f"{section}.")] if section in sections else sections
+    if path in sections:
+        message = f"scenario field {show(path)} is a section, no field; valid are {', '.join(valid)}"
+        return ScenarioError(message, field=path, valid=valid)
     same_name = [p for p in paths if p.partition(".")[2] == (name or section)]
     near = same_name or difflib.get_close_matches(path, paths if name else sections, n=1)
     meant = f"did you mean '{near[0]}'? " if near else ""

@@ -11,12 +11,15 @@ from pydrake.systems.framework import Context
 from flipdiagram.diagrams.loop import Loop, build_loop
 from flipdiagram.diagrams.replacement import Box
 from flipdiagram.errors import InputError, SimulationError
+from flipdiagram.grid import Grid
 from flipdiagram.planning.command import Command
 from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.replanner import Replanning
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.margins import with_margins
+from flipdiagram.simulation.metrics import FlipMetrics, measure
 from flipdiagram.simulation.recording import Recording, assemble
+from flipdiagram.simulation.thumbnail import path_svg
 
 CHUNK = 0.1
 """Simulated seconds between two looks at progress and divergence."""
@@ -26,13 +29,40 @@ ROUNDING = 1e-6
 """Seconds below which two ends of a motion are one."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Run:
     """One simulated flip: its recording, the plan it followed, and simulated over wall time of the simulation alone."""
 
     recording: Recording
     plan: Plan
     real_time_factor: float
+
+    def __repr__(self) -> str:
+        measured = measure(self.recording)
+        return f"Run({measured.architecture}: {verdict_of(measured)}, position RMSE {_cm(measured.position_rmse_m)})"
+
+    def _repr_html_(self) -> str:
+        measured = measure(self.recording)
+        landed = measured.touchdown
+        rows = [
+            ["block", verdict_of(measured)],
+            ["touch-down", "–" if landed is None else f"{landed.theta_rad:.2f} rad at {landed.time_s:.2f} s"],
+            ["position RMSE", _cm(measured.position_rmse_m)],
+            ["acceleration RMSE", f"{measured.acceleration_rmse_m_s2:.2f} m/s²"],
+            ["largest slip", _cm(measured.max_slip_m)],
+            ["real-time factor", f"{self.real_time_factor:.2f}"],
+        ]
+        table = Grid(["", measured.architecture], rows).html()
+        return f'<div style="display: flex; gap: 1em; align-items: center">{table}{path_svg(self.recording)}</div>'
+
+
+def verdict_of(measured: FlipMetrics) -> str:
+    """'turned over', or why not."""
+    return "turned over" if measured.success else str(measured.failure)
+
+
+def _cm(length: float) -> str:
+    return f"{100 * length:.2f} cm"
 
 
 def simulate(

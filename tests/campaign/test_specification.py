@@ -5,7 +5,7 @@ import re
 import pytest
 from campaign.made_up import QUIET
 
-from flipdiagram.campaign.checks import changes_of, check_estimate, estimated_hours, from_text, load_specification
+from flipdiagram.campaign.checks import check_estimate, estimated_hours, from_text, load_specification
 from flipdiagram.campaign.draw import missing_draws
 from flipdiagram.campaign.specification_file import parse
 from flipdiagram.campaign.tuning import load_tuning, tuning
@@ -97,9 +97,9 @@ def test_a_base_file_is_looked_for_beside_the_campaign(tmp_path):
 def test_fields_of_the_command_line_count_more_than_the_file(tmp_path):
     (tmp_path / "c.yaml").write_text(GOOD)
     given = Scenario().with_overrides({"task.start_y": 0.05, "controller.k_p": 400.0})
-    found = load_specification(tmp_path / "c.yaml", changes_of(given))
+    found = load_specification(tmp_path / "c.yaml", given.changes())
     assert (found.base.task.start_y, found.base.controller.k_p) == (0.05, 400.0)
-    assert changes_of(Scenario()) == {}
+    assert Scenario().changes() == {}
 
 
 def test_trials_are_the_same_again_and_within_their_distributions():

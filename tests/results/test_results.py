@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from dataclasses import asdict, replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
@@ -28,6 +29,7 @@ from flipdiagram.simulation import metrics
 from flipdiagram.simulation.margins import with_margins
 from flipdiagram.simulation.metrics import FlipMetrics, measure
 from flipdiagram.simulation.recording_files import save_recording
+from flipdiagram.simulation.simulate import Run
 from flipdiagram.studies.experiment.claims import run_entry
 from flipdiagram.studies.experiment.run import recording_name
 from flipdiagram.studies.frequency.claims import TEXTS
@@ -302,6 +304,37 @@ def test_margins_are_planned_and_realised_until_the_release(best):
         recording().flip.margins()
 
 
+# ---- how results show themselves
+
+SHOWN = {
+    "Run(pd+ff+dob: turned over, position RMSE ": lambda best, dropped: Run(best, a_plan(), 1.0),
+    "Run(pd: tipped, dropped at ": lambda best, dropped: Run(dropped, a_plan(), 1.0),
+    "Plan(release at 0.40 s and 0.00 rad, touch-down at 0.60 s": lambda best, dropped: a_plan(),
+    "Comparison(recording, pd+ff+dob and pd differ in ": lambda best, dropped: compare(best, dropped),
+    "Comparison(recording, pd (a) and pd (b): no difference)": lambda best, dropped: compare(dropped, dropped),
+    "Comparison(motion, a and b differ in 1 number)": lambda best, dropped: compare(a_plan(), a_plan(2.0)),
+}
+
+
+@pytest.mark.parametrize("begin", SHOWN)
+def test_a_result_is_one_line_in_a_terminal_and_a_table_in_a_notebook(begin, best, dropped):
+    result = SHOWN[begin](best, dropped)
+    assert repr(result).startswith(begin) and "\n" not in repr(result) and len(repr(result)) <= 120
+    html = result._repr_html_()
+    root = ElementTree.fromstring(f"<div>{html}</div>")  # well-formed: every name and text escaped
+    assert len(html) < 25_000
+    cells = [cell.text for cell in root.iter("td")]
+    assert cells or "no difference" in html
+
+
+def test_a_run_shows_the_path_of_tool_command_and_block(best):
+    root = ElementTree.fromstring(Run(best, a_plan(), 1.0)._repr_html_())
+    lines = [line.get("points").split() for line in root.iter("polyline")]
+    assert len(lines) == 3
+    points = np.array([[float(number) for number in point.split(",")] for line in lines for point in line])
+    assert points.min() >= 0 and points.max(axis=0)[0] <= 280 and points.max(axis=0)[1] <= 170
+
+
 # ---- compare
 
 
@@ -311,7 +344,7 @@ def test_a_recording_compared_with_itself_differs_in_nothing(best):
     assert all(part.largest == part.rms == part.one_sided == 0 for part in found.signals)
     assert len(found.signals) == len(best.flip.to_frame().columns)
     assert all(change.same for change in found.metrics)
-    assert "no difference" in found.to_markdown() and found._repr_markdown_() == found.to_markdown()
+    assert "no difference" in found.to_markdown() and "no difference" in repr(found)
 
 
 def test_a_known_shift_is_found_with_its_unit_time_and_scenario(best):

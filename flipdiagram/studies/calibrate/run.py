@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from flipdiagram.arrays import Floats
-from flipdiagram.campaign.checks import changes_of, check_estimate
+from flipdiagram.campaign.checks import check_estimate
 from flipdiagram.campaign.run import WORK
 from flipdiagram.campaign.specification import Specification
 from flipdiagram.errors import InputError
@@ -72,7 +72,7 @@ def run(
     """
     if file is None:
         raise InputError("calibrate needs a FILE; see examples/calibration.yaml", field="FILE")
-    priors, settings, scenarios = load_calibration(file, changes_of(scenario))
+    priors, settings, scenarios = load_calibration(file, scenario.changes())
     if yes:
         priors = replace(priors, limit_hours=math.inf)
     flips = sum(map(len, stages(settings.starts))) * (priors.trials + settings.rounds * settings.population)

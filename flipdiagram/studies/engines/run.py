@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from scipy.stats import ks_2samp
 
-from flipdiagram.campaign.checks import changes_of, load_specification
+from flipdiagram.campaign.checks import load_specification
 from flipdiagram.campaign.dataset import counted, load_dataset, parameters_of
 from flipdiagram.campaign.run import FILE, WORK
 from flipdiagram.campaign.run import run as fly
@@ -46,7 +46,7 @@ def run(
         raise InputError(f"the second engine needs MuJoCo: {valid}", field="simulation.engine", valid=valid)
     data = {}
     for engine in ENGINES:
-        specification = load_specification(file, changes_of(scenario) | {"simulation.engine": engine})
+        specification = load_specification(file, scenario.changes() | {"simulation.engine": engine})
         if yes:
             specification = replace(specification, limit_hours=math.inf)
         folder, there = Path(out) / engine, (Path(out) / engine / FILE).exists()

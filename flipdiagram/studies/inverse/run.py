@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flipdiagram.campaign.checks import changes_of, check_estimate, load_specification
+from flipdiagram.campaign.checks import check_estimate, load_specification
 from flipdiagram.campaign.run import WORK
 from flipdiagram.campaign.statistics import success_rate
 from flipdiagram.errors import InputError
@@ -57,7 +57,7 @@ def run(
     """
     if file is None:
         raise InputError("inverse needs the FILE of a campaign; see examples/inverse.yaml", field="FILE")
-    box = load_specification(file, changes_of(scenario))
+    box = load_specification(file, scenario.changes())
     if yes:
         box = replace(box, limit_hours=math.inf)
     with workers_of(jobs, scheduler) as workers:

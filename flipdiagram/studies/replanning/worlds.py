@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flipdiagram.campaign.checks import changes_of, specification
+from flipdiagram.campaign.checks import specification
 from flipdiagram.campaign.specification_file import parse
 from flipdiagram.campaign.statistics import paired, success_rate
 from flipdiagram.flips.driver import Flying
@@ -52,7 +52,7 @@ def fly_worlds(
     Returns per way and architecture how many blocks were turned over, and the comparison with the first way.
     """
     text = VARY.replace("TRIALS", str(worlds)).replace("ARCHITECTURES", ", ".join(ARCHITECTURES))
-    box = specification(parse(text, "worlds of replanning"), Path("."), changes_of(scenario))
+    box = specification(parse(text, "worlds of replanning"), Path("."), scenario.changes())
     keys = list(product(ways, ARCHITECTURES, range(worlds)))
     boxes = {way: replace(box, base=box.base.with_overrides(changes)) for way, changes in ways.items()}
     flights = [boxes[way].flight(box.trial(index), name) for way, name, index in keys]
