@@ -44,7 +44,8 @@ LIGHT_FROM = np.array([1.1, -0.5, 2.0])  # [m]
 LIGHT_ON = np.array([0.4, 0.0, 0.3])  # [m]
 SKY = np.array([1.0, 0.5, 1.8])  # [m]
 OVERSAMPLING = 2  # pictures are rendered this much larger and averaged down: smooth edges
-TIME_LIMIT = 60.0  # [s] for the child; it needs about one
+SHADOW_DETAIL = 2048 / 480  # side of the shadow map over that of the picture
+TIME_LIMIT, TIME_EACH = 60.0, 1.0  # [s] for the child, and more for each picture; it needs about one, and a tenth
 ADVICE = "apt install libegl1 libegl-mesa0 libgl1-mesa-dri (Debian, Ubuntu) gives real renderings"
 
 
@@ -89,8 +90,8 @@ class Camera:
 class Snapshots:
     """Pictures (n, size, size, 3) of uint8 at times (n,) [s]; note: None, or why they are only drawn."""
 
-    images: Array
     times: Array
+    images: Array
     note: str | None = None
 
 
@@ -120,13 +121,29 @@ def take_snapshots(
     moments = recording.sel(time=wanted, method="nearest")
     q, block, tool = (np.asarray(moments[name].values, dtype=float) for name in ("q", "block_pose", "tool_pose"))
     camera = frame_motion(tool, block, scenario, size)
+    return Snapshots(wanted, *pictures(scenario, camera, q, tool, block, python))
+
+
+def pictures(
+    scenario: Scenario, camera: Camera, q: Array, tool: Array, block: Array, python: Sequence[str] = (sys.executable,)
+) -> tuple[Array, str | None]:
+    """Pictures (n, size, size, 3) of uint8, rendered, or drawn where there is no OpenGL, and then the reason.
+
+    Args:
+        scenario: what was simulated.
+        camera: sees all of them.
+        q: joint angles (n, 6) [rad].
+        tool: poses (n, 7).
+        block: poses (n, 7).
+        python: starts the interpreter of the child process that renders.
+    """
     images, trouble = render_in_child(scenario, camera, q, block, python)
     if images is not None:
-        return Snapshots(images, wanted)
+        return images, None
     from flipdiagram.rendering.sketch import draw_cell
 
-    note = f"snapshots are drawn, not rendered: {trouble}; {ADVICE}"
-    return Snapshots(draw_cell(scenario, camera.project, camera.size, q, tool, block), wanted, note)
+    note = f"the motion is drawn, not rendered: {trouble}; {ADVICE}"
+    return draw_cell(scenario, camera.project, camera.size, q, tool, block), note
 
 
 def frame_motion(tool: Array, block: Array, scenario: Scenario, size: int) -> Camera:
@@ -140,8 +157,8 @@ def frame_motion(tool: Array, block: Array, scenario: Scenario, size: int) -> Ca
     return Camera.in_front((low[0], high[0]), (low[1], high[1]), scenario.task.start_x, size)
 
 
-def add_renderer(scene: Scene) -> None:
-    """Give the scene a VTK renderer named RENDERER; call before making contexts."""
+def add_renderer(scene: Scene, size: int) -> None:
+    """Give the scene a VTK renderer RENDERER for pictures of `size` pixels a side; call before making contexts."""
     aim = (LIGHT_ON - LIGHT_FROM) / np.linalg.norm(LIGHT_ON - LIGHT_FROM)
     sun, sky, eye = LIGHT_FROM, SKY, np.zeros(3)
     # point lights cast no shadows: they brighten those of the first
@@ -150,8 +167,10 @@ def add_renderer(scene: Scene) -> None:
         LightParameter(type="point", frame="world", position=sky, intensity=0.35),
         LightParameter(type="point", frame="camera", position=eye, intensity=0.5),
     ]
+    # the shadow map takes half of the time: no finer than the picture shows
+    shadows = round(SHADOW_DETAIL * size)
     parameters = RenderEngineVtkParams(
-        default_clear_color=np.array(BACKGROUND), lights=lights, cast_shadows=True, shadow_map_size=2048
+        default_clear_color=np.array(BACKGROUND), lights=lights, cast_shadows=True, shadow_map_size=shadows
     )
     scene.scene_graph.AddRenderer(RENDERER, MakeRenderEngineVtk(parameters))
 
@@ -185,16 +204,17 @@ def render_in_child(
         code = (
             f"from flipdiagram.rendering.snapshots import _child; _child({str(task)!r}, {str(result)!r}, {os.getpid()})"
         )
+        limit = TIME_LIMIT + TIME_EACH * len(q)
         try:
             done = subprocess.run(
-                [*python, "-c", code], env={**os.environ, "PYTHONPATH": path}, capture_output=True, timeout=TIME_LIMIT
+                [*python, "-c", code], env={**os.environ, "PYTHONPATH": path}, capture_output=True, timeout=limit
             )
             if done.returncode == 0:
                 return np.load(result), ""
         except (OSError, ValueError) as error:
             return None, str(error)
         except subprocess.TimeoutExpired:
-            return None, f"the renderer did not answer within {TIME_LIMIT:g} s"
+            return None, f"the renderer did not answer within {limit:g} s"
     lines = done.stderr.decode(errors="replace").strip().splitlines()
     reason = f" ({lines[-1][:160]})" if lines else ""
     return None, f"the renderer ended with code {done.returncode}{reason}"
@@ -205,7 +225,7 @@ def _child(task: str, result: str, parent: int) -> None:
     with np.load(task) as data:
         scene = build_scene(Scenario.model_validate_json(str(data["scenario"])))
         camera = Camera(RigidTransform(data["X_WC"]), int(data["size"]), float(data["fov_y"]))
-        add_renderer(scene)
+        add_renderer(scene, camera.size)
         context = scene.context()
         images = []
         for q, block in zip(data["q"], data["block"], strict=True):

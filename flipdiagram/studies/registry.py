@@ -10,6 +10,8 @@ _MAPS = "disturbance, payload, clearance, gains, cone, inertia, sensing, variati
 _EXPORT = "write a campaign.sqlite as .csv, .parquet or .nc"
 _LOOK = ("run", "instead")
 _FILE = Option("file", to=_LOOK, nargs="?", metavar="FILE", help="the campaign as YAML, see examples/campaign.yaml")
+_VIDEO = "the flips side by side as .gif or .webp (DIR/flip.gif)"
+_VIDEO_FILE = Later("rendering.video:video_file")
 _SCHEDULER = Option("--scheduler", metavar="ADDRESS", help="a Dask scheduler, such as tcp://127.0.0.1:8786")
 _ANALYSE = "analyse a campaign.sqlite again into --out"
 
@@ -30,6 +32,7 @@ _RECORDS = (
         flag("--quick", "shorter hold, no snapshots and replay", to=("run", "figures")),
         flag("--meshcat", "watch the simulation in a browser, at half speed", to=("instead",)),
         flag("--no-replay", "no snapshots and no replay.html", to=("figures",)),
+        Option("--video", to=("figures",), nargs="?", type=_VIDEO_FILE, const=True, metavar="FILE", help=_VIDEO),
         JOBS,
         command="flip",
         instead=Later("studies.turnover.run:show_live"),

@@ -12,6 +12,7 @@ from flipdiagram.flips.workers import Workers
 from flipdiagram.planning import Plan
 from flipdiagram.rendering.replay import write_replay
 from flipdiagram.rendering.snapshots import take_snapshots
+from flipdiagram.rendering.video import write_video
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, from_mapping
 from flipdiagram.simulation.recording import Recording
 from flipdiagram.simulation.recording_files import load_recording
@@ -19,14 +20,34 @@ from flipdiagram.studies.study import Progress, Summary, silent
 
 
 def write_figures(
-    summary: Summary, out: Path, *, quick: bool = False, no_replay: bool = False, progress: Progress = silent
+    summary: Summary,
+    out: Path,
+    *,
+    quick: bool = False,
+    no_replay: bool = False,
+    video: Path | bool | None = None,
+    progress: Progress = silent,
 ) -> list[str]:
-    """Draw the figures and, unless quick or told not to, snapshots and replay.html; returns notes to show."""
+    """Draw the figures and, unless quick or told not to, snapshots and replay.html; returns notes to show.
+
+    video: the file, True for flip.gif in `out`, None for no video.
+    """
     recordings = {run["architecture"]: load_recording(out / run["recording"]) for run in summary["runs"]}
+    scenario = from_mapping(summary["scenario"])
+    notes = []
     if quick or no_replay:
         _plots(recordings, out)
-        return []
-    scenario = from_mapping(summary["scenario"])
+    else:
+        notes = _plots_and_pictures(recordings, scenario, out, progress)
+    if video:
+        progress("rendering the video")
+        notes.append(write_video(recordings, scenario, out / "flip.gif" if video is True else Path(video)))
+    return list(dict.fromkeys(filter(None, notes)))
+
+
+def _plots_and_pictures(
+    recordings: dict[str, Recording], scenario: Scenario, out: Path, progress: Progress
+) -> list[str | None]:
     with Workers(2) as workers:
         shown = next(name for name in reversed(ARCHITECTURES) if name in recordings)  # snapshots of the best
         tasks = [
@@ -36,7 +57,7 @@ def write_figures(
         progress("rendering snapshots and replay, drawing figures")
         pending = workers.results(_call, tasks)
         _plots(recordings, out)
-        return [note for task, note in pending if task == 1 and note]
+        return [note for task, note in pending if task == 1]
 
 
 def _call(function: Callable[..., Any], arguments: tuple) -> Any:
