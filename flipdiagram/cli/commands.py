@@ -45,7 +45,16 @@ def run_study(study: Study, arguments: argparse.Namespace, scenario: Scenario) -
     finally:
         remove_left(out)  # of children that were killed while they wrote
     if not arguments.quiet:
-        show(*study.tables(summary), *notes, study.written(summary, out))
+        show(*study.tables(summary), *notes, _left_out(scenario), study.written(summary, out))
+
+
+def _left_out(scenario: Scenario) -> str | None:
+    """What of an own arm the simulation leaves out, said once a run."""
+    if scenario.arm.file is None:
+        return None
+    from flipdiagram.robot.survey import left_out
+
+    return left_out(scenario.arm)
 
 
 def diagram(arguments: argparse.Namespace, scenario: Scenario) -> None:
@@ -57,6 +66,21 @@ def diagram(arguments: argparse.Namespace, scenario: Scenario) -> None:
         print(drawing.rates().to_markdown(), end="")
     if arguments.out is not None or not arguments.table:
         write(drawing, arguments.format, arguments.out)
+
+
+def arm(arguments: argparse.Namespace, scenario: Scenario) -> None:
+    """Whether an arm can flip, and what its file leaves out; raises PlanningError after the report where it cannot."""
+    from flipdiagram.cli.arm import check, report, to_json
+
+    with status(arguments.json) as progress:
+        progress("looking at the arm, and planning a flip")
+        found, problem = check(scenario)
+    if arguments.json:
+        print(to_json(found))
+    else:
+        show(*report(found))
+    if problem is not None:
+        raise problem
 
 
 def info(arguments: argparse.Namespace, scenario: Scenario) -> None:

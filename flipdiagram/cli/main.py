@@ -79,7 +79,10 @@ def _run(argv: list[str]) -> int:
         options.error(f"'{arguments.command}' takes no fields of a scenario")
     file = getattr(arguments, "scenario", None)
     scenario = Scenario() if file is None else load(file)
-    scenario = scenario.with_overrides({path: parse_value(text, path) for path, text in overrides.items()})
+    fields = {path: parse_value(text, path) for path, text in overrides.items()}
+    # an argument of a command may be a field too, such as the file of `arm check`
+    fields |= {name: value for name, value in vars(arguments).items() if "." in name and value is not None}
+    scenario = scenario.with_overrides(fields)
     if (study := STUDY_COMMANDS.get(arguments.command)) is not None:
         commands.run_study(study, arguments, scenario)
     else:

@@ -8,7 +8,7 @@ from flipdiagram.errors import InputError
 from flipdiagram.studies.registry import COMMANDS as STUDY_COMMANDS
 from flipdiagram.studies.study import YES, architecture
 
-COMMANDS = (*STUDY_COMMANDS, "diagram", "info", "scenario", "completion")
+COMMANDS = (*STUDY_COMMANDS, "diagram", "arm", "info", "scenario", "completion")
 FORMATS = ("dot", "svg", "png", "mermaid")
 SHORT = {"--start-y": "task.start_y"}
 EPILOG = (
@@ -63,6 +63,12 @@ def parser() -> argparse.ArgumentParser:
     diagram.add_argument("--depth", type=int, default=0, metavar="N", help="levels of inner diagrams opened (0)")
     diagram.add_argument("--rates", action="store_true", help="colour the boxes by sample time")
     diagram.add_argument("--table", action="store_true", help="print rates, ports and feed-through as a table")
+
+    arm = add("arm", "Check an arm of your own: limits, reach, what its file lacks, a start that works.")
+    arm.add_argument("action", choices=("check",), help="what to do with it")
+    what = "URDF, SDF or MJCF; --arm.base and --arm.flange name its links (the scenario's arm)"
+    arm.add_argument("arm.file", nargs="?", metavar="FILE", help=what)
+    arm.add_argument("--json", action="store_true", help="print what was found as JSON")
 
     info = add("info", "Say what a result file holds: recording, summary, plan or campaign.", scenario=False)
     what = "a .nc, .json or campaign.sqlite, an exported campaign, or a folder of results"

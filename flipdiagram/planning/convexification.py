@@ -20,6 +20,7 @@ from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.program import HorizonProgram, Solution
 from flipdiagram.planning.rows import Linearisation, Rows
 from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.reach import remedy
 from flipdiagram.scenario.scenario import Scenario, farthest
 from flipdiagram.theory import contact
 
@@ -122,7 +123,10 @@ class Convexification:
         """Joint angles at the start of the motion [rad]; raises PlanningError where the arm cannot be there."""
         pose = task_pose(self.start, self.scenario.task.start_x)
         turned = [pose + [0.0, 0.0, angle, 0.0, 0.0, 0.0] for angle in TURN]
-        return self.arm.inverse_kinematics(pose, through=turned)
+        try:
+            return self.arm.inverse_kinematics(pose, through=turned)
+        except PlanningError as error:
+            raise PlanningError(f"{error}; {remedy(self.scenario, self.arm, pose, turned)}") from None
 
     def restart(
         self, state: Floats, q_seed: Floats, shift: float = 0.0, divisors: tuple[float, float, float] = (1.0, 1.0, 1.0)

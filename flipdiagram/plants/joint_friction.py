@@ -44,6 +44,13 @@ def _require(needed: Floats, field: str, value: float, unit: str, arm: ArmModel)
     if np.all(needed <= value):
         return
     worst, path = int(np.argmax(needed)), f"joint_friction.{field}"
+    if rotor_inertia(arm)[worst] == 0:  # the links alone: an arm whose file does not say what its drives weigh
+        path, valid = "arm.reflected_inertia", f"one above 0 for each of {' '.join(arm.joint_names)} [kg m2]"
+        message = (
+            f"neither arm.file nor {path} has the inertia of rotor and gear of joint {arm.joint_names[worst]}, without"
+            f" which its friction makes it chatter; valid is {valid}; `flipdiagram arm check` suggests some"
+        )
+        raise InputError(message, field=path, valid=valid)
     message = (
         f"scenario field '{path}' = {value} {unit} makes joint {arm.joint_names[worst]} chatter at this step and"
         f" level; valid is at least {rounded_up(needed[worst])} {unit}"

@@ -9,10 +9,19 @@ import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import FixedOffsetFrame, Frame, Joint, ModelInstanceIndex, RigidBody, WeldJoint
+from pydrake.multibody.tree import (
+    FixedOffsetFrame,
+    Frame,
+    Joint,
+    ModelInstanceIndex,
+    RigidBody,
+    SpatialInertia,
+    WeldJoint,
+)
 
 from flipdiagram.errors import InputError, first_line
 from flipdiagram.robot.arm_spec import FORMATS, ArmSpec, file_error, one_per_joint
+from flipdiagram.robot.link_inertia import with_inertias
 from flipdiagram.robot.model_files import arm_urdf, model_path
 from flipdiagram.robot.model_xml import JOINT_TYPES, read_model
 from flipdiagram.robot.own_files import JointNumbers, chain_between, check_uncoupled, joint_numbers
@@ -92,11 +101,14 @@ def _add_own(plant: MultibodyPlant, arm: Arm, suffix: str) -> tuple[ModelInstanc
         instance, numbers = _add_urdf(plant, arm)
         arm = arm.model_copy(update=UNSCALED)  # the scales are in the text
     else:
-        if arm.link_inertia_scale != 1.0 or arm.link_inertia_scales is not None:
-            raise InputError(f"arm.link_inertia_scale needs a URDF; valid is 1 for arm.file = '{arm.file}'")
         model = read_model("arm.file", str(arm.file), (FORMATS[suffix],))
-        with drake_reads(f"arm.file = '{arm.file}'"):
-            (instance,) = Parser(plant).AddModels(arm.file)
+        if arm.link_inertia_scale != 1.0 or arm.link_inertia_scales is not None:
+            text = with_inertias(arm, model, _scaled_inertias(arm))
+            with drake_reads(f"arm.file = '{arm.file}' with scaled links"):
+                (instance,) = Parser(plant).AddModelsFromString(text, suffix.removeprefix("."))
+        else:
+            with drake_reads(f"arm.file = '{arm.file}'"):
+                (instance,) = Parser(plant).AddModels(arm.file)
         check_uncoupled(arm, model.root, _keep_the_chain(plant, instance, arm))
         numbers = JointNumbers({}, {}, None)
     joints = _moving(plant, instance)
@@ -110,6 +122,24 @@ def _add_own(plant: MultibodyPlant, arm: Arm, suffix: str) -> tuple[ModelInstanc
     home = numbers.home if arm.home is None else dict(zip(names, arm.home, strict=True))
     rated = {name: rated.get(name, peak[name]) for name in names}
     return instance, JointNumbers(rated, peak, home, numbers.gear_stiffness)
+
+
+def _scaled_inertias(arm: Arm) -> dict[str, SpatialInertia]:
+    """The inertias of the links of an arm's SDF or MJCF that have a mass, by name, times the scenario's factors."""
+    plant = MultibodyPlant(0.0)
+    with drake_reads(f"arm.file = '{arm.file}'"):
+        (instance,) = Parser(plant).AddModels(arm.file)
+    _keep_the_chain(plant, instance, arm)
+    joints = _moving(plant, instance)
+    names = [joint.name() for joint in joints]
+    factors = one_per_joint("arm.link_inertia_scales", arm.link_inertia_scales, names)
+    of_link = {joint.child_body().name(): factor for joint, factor in zip(joints, factors, strict=True)}
+    inertias = {}
+    for body in (plant.get_body(index) for index in plant.GetBodyIndices(instance)):
+        if (mass := body.default_mass()) > 0:
+            M, scale = body.default_spatial_inertia(), arm.link_inertia_scale * of_link.get(body.name(), 1.0)
+            inertias[body.name()] = SpatialInertia(mass * scale, M.get_com(), M.get_unit_inertia())
+    return inertias
 
 
 def _moving(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[Joint]:

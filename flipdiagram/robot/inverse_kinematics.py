@@ -45,7 +45,7 @@ def pose(arm: Kinematics, target: Array, seeds: Sequence[Array], tol: float) -> 
         for search in (newton, along_line):
             q = search(arm, target, seed, tol)
             if q is not None:
-                q = _turned_inside(arm, q)
+                q = turned_inside(arm, q)
                 if _inside(arm, q).all():
                     return q
                 outside = q if outside is None else outside
@@ -87,7 +87,7 @@ def search(arm: Kinematics, target: Array, tol: float, through: Sequence[Array] 
             continue
         q = (q + np.pi) % (2 * np.pi) - np.pi
         # the margin keeps rounding from choosing between mirror images
-        if (smallest := _conditioned(arm, q, through, tol)) > 1.001 * largest:
+        if (smallest := conditioned(arm, q, through, tol)) > 1.001 * largest:
             best, largest = q, smallest
     if best is None:
         reason = f"no joint angles found, {arm.poses:,} poses tried from all over joint space"
@@ -95,7 +95,7 @@ def search(arm: Kinematics, target: Array, tol: float, through: Sequence[Array] 
     return best
 
 
-def _conditioned(arm: Kinematics, q: Array, through: Sequence[Array], tol: float) -> float:
+def conditioned(arm: Kinematics, q: Array, through: Sequence[Array], tol: float) -> float:
     """The smallest singular value of J at q and on the way through the poses, less where a joint is near its limit.
 
     0 where the way is lost or leaves the limits.
@@ -176,7 +176,7 @@ def along_line(arm: Kinematics, target: Array, q: Array, tol: float) -> Array | 
     return q
 
 
-def _turned_inside(arm: Kinematics, q: Array) -> Array:
+def turned_inside(arm: Kinematics, q: Array) -> Array:
     """q with each joint outside its limits turned by +-2 pi where that brings it inside."""
     for turn in (2 * np.pi, -2 * np.pi):
         q = np.where(~_inside(arm, q) & _inside(arm, q + turn), q + turn, q)

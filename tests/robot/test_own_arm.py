@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from elbow import EFFORT, FORMATS, HOME, LIMITS, LINKS, SPEED, sdf, urdf
+from elbow import EFFORT, FORMATS, HOME, LIMITS, LINKS, SPEED, urdf
 from ideal import IDEAL
 from pydrake.geometry import Role
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
@@ -159,11 +159,24 @@ def test_fields_of_another_arm_need_one():
         IDEAL.with_overrides({"arm.home": (0.0,) * 6})
 
 
-def test_a_sdf_cannot_scale_its_links(tmp_path):
-    (tmp_path / "arm.sdf").write_text(sdf(), encoding="utf-8")
-    fields = {"arm.file": str(tmp_path / "arm.sdf"), "arm.flange": "tcp", "arm.link_inertia_scale": 1.3}
-    with pytest.raises(InputError, match="arm.link_inertia_scale needs a URDF"):
-        build_loop(IDEAL.with_overrides(fields))
+@pytest.mark.parametrize("name", ["arm.sdf", "arm.xml"])
+def test_links_are_scaled_in_every_format_alike(tmp_path, name):
+    scales = {"link_inertia_scale": 1.3, "link_inertia_scales": (1.0, 1.0, 2.0, 1.0, 1.0, 0.5)}
+    plain, scaled = arm_of(tmp_path, "arm.urdf"), arm_of(tmp_path, name, **scales)
+    of_urdf = arm_of(tmp_path, "arm.urdf", **scales)
+    np.testing.assert_allclose(scaled.mass_matrix(HOME), of_urdf.mass_matrix(HOME), rtol=1e-6)
+    np.testing.assert_allclose(scaled.gravity_torque(HOME), of_urdf.gravity_torque(HOME), rtol=1e-6, atol=1e-6)
+    assert scaled.mass_matrix(HOME)[0, 0] > 1.1 * plain.mass_matrix(HOME)[0, 0]
+
+
+def test_an_arm_without_inertia_of_its_drives_is_told_that_and_not_of_the_friction(tmp_path):
+    (tmp_path / "arm.urdf").write_text(urdf(), encoding="utf-8")
+    fields = {"arm.file": str(tmp_path / "arm.urdf"), "arm.flange": "tcp", "arm.home": HOME, "arm.mount_angle": np.pi}
+    with pytest.raises(
+        InputError, match=r"arm.reflected_inertia has the inertia of rotor and gear of joint j6"
+    ) as told:
+        build_loop(Scenario().with_overrides(fields))
+    assert told.value.field == "arm.reflected_inertia" and "\n" not in str(told.value)
 
 
 def test_our_tool_and_block_as_files_give_the_same_run(tmp_path):
