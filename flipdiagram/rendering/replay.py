@@ -1,8 +1,9 @@
 """Recordings -> one `replay.html`: the architectures side by side in 3-D, slowed down, in any browser.
 
-Drake's Meshcat brings viewer and animation; names, verdicts and the clock are an HTML overlay of our own
-(replay_overlay.html), as Meshcat has no text. It needs no network: a Content-Security-Policy in the page
-forbids every request to a server. `replay.html#t=0.3&cell=2` opens stopped at 0.3 s, at the third cell.
+Drake's Meshcat brings viewer and animation; names, what happened, verdicts, keys and a pane for each architecture
+are an HTML overlay of our own (replay_overlay.html), as Meshcat has no text. It needs no network:
+a Content-Security-Policy in the page forbids every request to a server. `replay.html#t=0.3&cell=2` opens stopped at
+0.3 s, at the third cell.
 """
 
 import json
@@ -20,14 +21,15 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from flipdiagram.arrays import Array
 from flipdiagram.errors import SimulationError
-from flipdiagram.figures.motion import dropped_at
 from flipdiagram.figures.style import NAMES, style_of
 from flipdiagram.files import write_atomically
-from flipdiagram.rendering.scene import Scene, build_scene
+from flipdiagram.rendering.scene import Scene, build_scene, extent_of_motion
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.simulation import verdict as verdicts
+from flipdiagram.simulation.course import course, decided_at
 
-SLOWDOWN = 4.0
+SLOWDOWN = 4.0  # at first
+SPEEDS = (1, 2, 4, 8, 16, 32)  # to choose from: one over the speed
 FRAME_TIME = 0.016  # [s] of playing time: 62.5 frames per second; at a quarter of the speed, each 4 ms
 LEAD_IN = 0.25  # [s] of the hold phase that is shown
 SPACING = 0.95  # [m] between two cells, along y
@@ -81,9 +83,9 @@ def replay_html(recordings: Mapping[str, xr.Dataset], scenario: Scenario, verdic
         _add_paths(meshcat, scenario, root, name, shown[name])
         _animate_bodies(meshcat, animation, scene, root, frames[name], last)
         _animate_force(meshcat, animation, root, frames[name], last)
-        cells.append(_describe(name, shown[name], scenario, offset, (verdicts or {}).get(name)))
+        cells.append(_describe(name, shown[name], offset, (verdicts or {}).get(name)))
     meshcat.SetAnimation(animation)
-    return _with_overlay(meshcat.StaticHtml(), cells, scenario)
+    return _with_overlay(meshcat.StaticHtml(), cells, extent_of_motion(shown.values(), scenario), scenario)
 
 
 def _frames(recording: xr.Dataset) -> xr.Dataset:
@@ -93,25 +95,22 @@ def _frames(recording: xr.Dataset) -> xr.Dataset:
     return recording.isel(time=slice(None, None, stride))
 
 
-def _describe(
-    name: str, recording: xr.Dataset, scenario: Scenario, offset: float, verdict: tuple[bool, str] | None
-) -> dict[str, Any]:
-    """What the overlay says of a cell at y = offset [m], and where."""
+def _describe(name: str, recording: xr.Dataset, offset: float, verdict: tuple[bool, str] | None) -> dict[str, Any]:
+    """What the overlay says of a cell at y = offset [m], and when."""
+    decided = float(recording["time"][-1])
     if verdict is None:
         success, failure = verdicts.judge(recording)
-        verdict = (success, failure or "turned over")
-    attrs = recording.attrs
+        verdict, decided = (success, failure or "turned over"), decided_at(recording)
     return {
+        "path": name,
         "name": NAMES[name],
         "color": style_of(name).color,
+        "course": course(recording),
         "verdict": verdict[1],
         "success": verdict[0],
-        "lost_s": dropped_at(recording),
-        "anchor": [scenario.task.start_x, offset, 0.76],
-        "target": [scenario.task.start_x, offset, 0.41],
+        "decided_s": decided,
+        "offset": offset,
         "start_s": float(recording["time"][0]),
-        "release_s": float(attrs["release_time_s"]),
-        "touchdown_s": float(attrs["touchdown_time_s"]),
     }
 
 
@@ -191,8 +190,18 @@ def _animate_force(meshcat: Meshcat, animation: MeshcatAnimation, root: str, fra
         animation.SetProperty(frame, f"{path}/head", "position", [0.0, 0.0, float(length[k])])
 
 
-def _with_overlay(html: str, cells: list[dict[str, Any]], scenario: Scenario) -> str:
-    data = {"slowdown": SLOWDOWN, "cells": cells, "width": SPACING * max(1, len(cells)), "scale": METRES_PER_NEWTON}
+def _with_overlay(html: str, cells: list[dict[str, Any]], extent: tuple[Array, Array], scenario: Scenario) -> str:
+    low, high = extent
+    data = {
+        "slowdown": SLOWDOWN,
+        "speeds": SPEEDS,
+        "step_s": FRAME_TIME / SLOWDOWN,
+        "cells": cells,
+        "middle": [scenario.task.start_x, *((low + high) / 2)],
+        "width": float(high[0] - low[0]),
+        "height": float(high[1] - low[1]),
+        "scale": METRES_PER_NEWTON,
+    }
     overlay = (Path(__file__).parent / "replay_overlay.html").read_text(encoding="utf-8")
     # "<" cannot end the script element then, whatever a name holds
     overlay = overlay.replace("/*DATA*/null", json.dumps(data, ensure_ascii=False).replace("<", "\\u003c"))

@@ -5,7 +5,11 @@ be told from one that was not turned. Frames as in a recording: world = base of 
 (qw, qx, qy, qz, x, y, z) [1, m].
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,8 +20,12 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
+from flipdiagram.arrays import Array
 from flipdiagram.robot.parts import Parts, add_parts
 from flipdiagram.scenario.scenario import Scenario
+
+if TYPE_CHECKING:  # the child that renders needs none of it
+    import xarray as xr
 
 TOP_COLOUR = np.array([1.0, 0.87, 0.55, 1.0])
 
@@ -51,6 +59,15 @@ def transform(pose: ArrayLike) -> RigidTransform:
     """RigidTransform of a recorded pose (7,) = (qw, qx, qy, qz, x, y, z); the quaternion is normalised."""
     values = np.asarray(pose, dtype=float)
     return RigidTransform(Quaternion(values[:4] / np.linalg.norm(values[:4])), values[4:])
+
+
+def extent_of_motion(recordings: Iterable[xr.Dataset], scenario: Scenario) -> tuple[Array, Array]:
+    """Opposite corners (y, z) [m] of the rectangle through which block and blade move, the table's edge included."""
+    edge = max(scenario.object.length, scenario.tool.blade_width) / 2 + 0.02
+    places = np.vstack([data[name].values[:, 5:] for data in recordings for name in ("tool_pose", "block_pose")])
+    # a block that fell off the table is not worth a tiny picture
+    low = np.maximum(places.min(axis=0) - edge, [-np.inf, scenario.table.height - 0.03])
+    return low, places.max(axis=0) + edge
 
 
 def build_scene(scenario: Scenario) -> Scene:

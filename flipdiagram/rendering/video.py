@@ -85,7 +85,7 @@ def write_video(recordings: Mapping[str, xr.Dataset], scenario: Scenario, path: 
 
     target = video_file(str(path))
     shown = {name: recordings[name] for name in ARCHITECTURES if name in recordings}
-    times, camera = _times(shown), _frame(shown, scenario)
+    times, camera = _times(shown), _frame(shown.values(), scenario)
     films, note = _films(shown.values(), scenario, camera, times)
     cells = [_cell(name, data, images) for (name, data), images in zip(shown.items(), films, strict=True)]
     frames = [_compose(cells, k, float(time)) for k, time in enumerate(times)]
@@ -111,16 +111,13 @@ def _times(recordings: Mapping[str, xr.Dataset]) -> Array:
     return np.arange(-BEFORE, min(end, last) + 1e-9, FRAME / 1000 / SLOWDOWN)
 
 
-def _frame(recordings: Mapping[str, xr.Dataset], scenario: Scenario) -> Camera:
+def _frame(recordings: Iterable[xr.Dataset], scenario: Scenario) -> Camera:
     """The camera that shows block and blade all the way, and no more; the same for all."""
+    from flipdiagram.rendering.scene import extent_of_motion
     from flipdiagram.rendering.snapshots import Camera
 
-    edge = max(scenario.object.length, scenario.tool.blade_width) / 2 + 0.02
-    moving = [data.sel(time=slice(-BEFORE, None)) for data in recordings.values()]
-    places = np.vstack([data[name].values[:, 5:] for data in moving for name in ("tool_pose", "block_pose")])
-    # a block that fell off the table is not worth a tiny picture
-    low = np.maximum(places.min(axis=0) - edge, [-np.inf, scenario.table.height - 0.03])
-    high = places.max(axis=0) + edge
+    moving = (data.sel(time=slice(-BEFORE, None)) for data in recordings)
+    low, high = extent_of_motion(moving, scenario)
     return Camera.in_front((low[0], high[0]), (low[1], high[1]), scenario.task.start_x, SIZE)
 
 

@@ -10,7 +10,7 @@ import pytest
 from conftest import ALTERNATIVES
 from ideal import IDEAL
 from patience import HUNG
-from synthetic import DROP, recording, recordings
+from synthetic import DROP, RELEASE, recording, recordings
 
 from flipdiagram.errors import InputError
 from flipdiagram.rendering import replay
@@ -94,12 +94,31 @@ def test_the_page_is_small(page):
 
 def test_names_colours_and_verdicts_stand_in_the_page(page):
     data = json.loads(re.search(r"const data = (\{.*\});\n", page).group(1))
-    assert data["slowdown"] == 4 and "real speed" in page
+    assert data["slowdown"] == 4 and data["speeds"][:3] == [1, 2, 4]
     for cell, architecture in zip(data["cells"], ARCHITECTURES, strict=True):
         assert cell["success"] == (architecture not in DROP)
         assert ("dropped at 0." if architecture in DROP else "turned over") in cell["verdict"]
-    gaps = np.diff([cell["anchor"][1] for cell in data["cells"]])
+    gaps = np.diff([cell["offset"] for cell in data["cells"]])
     np.testing.assert_allclose(gaps, replay.SPACING)
+
+
+def test_captions_are_what_happened_and_the_verdict_waits_for_it(page):
+    cells = json.loads(re.search(r"const data = (\{.*\});\n", page).group(1))["cells"]
+    for cell, architecture in zip(cells, ARCHITECTURES, strict=True):
+        (left, text), (landed, _) = cell["course"]
+        assert left == pytest.approx(DROP.get(architecture, RELEASE), abs=2e-3) and text.startswith("block left")
+        assert cell["decided_s"] == (left if architecture in DROP else landed)
+    place = replay.replay_html({"pd": recording("pd")}, IDEAL, {"pd": (True, "laid down")})
+    (cell,) = json.loads(re.search(r"const data = (\{.*\});\n", place).group(1))["cells"]
+    assert cell["verdict"] == "laid down" and cell["decided_s"] == recording("pd")["time"].values[-1]
+
+
+def test_the_view_holds_block_and_blade_and_little_more(page):
+    data = json.loads(re.search(r"const data = (\{.*\});\n", page).group(1))
+    low = np.array(data["middle"][1:]) - [data["width"] / 2, data["height"] / 2]
+    for moving in (recording(name)["block_pose"].sel(time=slice(-0.25, None)).values[:, 5:] for name in ARCHITECTURES):
+        assert (moving > low).all() and (moving < low + [data["width"], data["height"]]).all()
+    assert data["width"] < 0.5 and data["height"] < 0.5
 
 
 def test_the_same_recordings_give_the_same_page(page):
@@ -157,7 +176,7 @@ def test_a_browser_without_network_shows_each_block_where_the_recording_has_it(p
         expected = recording(architecture)["block_pose"].sel(time=STOP, method="nearest").values[4:]
         offset = [0, replay.SPACING * (k - 1.5), 0]
         np.testing.assert_allclose(block["position"], expected + offset, atol=2e-3)
-        verdict = "dropped at" if architecture in DROP else "…"
-        assert verdict in block["label"] and replay.NAMES[architecture] in block["label"]
+        assert ("dropped at" in block["label"]) == ("block left the blade" in block["label"]) == (architecture in DROP)
+        assert "turned over" not in block["label"] and replay.NAMES[architecture] in block["label"]
     places = [block["left"] for block in shown["blocks"].values()]
     assert 0 < places[0] < places[1] < places[2] < places[3] < 640

@@ -12,12 +12,38 @@ from ideal import IDEAL
 from patience import HUNG
 
 from flipdiagram.rendering import replay
+from flipdiagram.simulation.course import course
 from flipdiagram.simulation.simulate import simulate
 
+SCENARIO = IDEAL.with_overrides({"simulation.hold_time": 1.0})
 BASE = (
     "--headless --no-sandbox --disable-gpu --enable-unsafe-swiftshader --disable-quic --no-first-run --disable-sync"
     " --disable-background-networking --disable-component-update --disable-extensions --window-size=640,360"
 ).split()
+# Each key as a user presses it, and the clock of the motion after it; the speed while it plays.
+KEYS = """
+<script>
+(function wait() {
+  if (!document.body.dataset.animations) { setTimeout(wait, 20); return; }
+  const animator = viewer.animator, out = {errors: window.trouble, clocks: [], rates: []};
+  for (const code of ["ArrowRight", "ArrowRight", "ArrowLeft", "ArrowDown", "ArrowDown", "ArrowDown", "ArrowUp"]) {
+    dispatchEvent(new KeyboardEvent("keydown", {code}));
+    out.clocks.push(Math.max(...animator.actions.map(action => action.time)));
+  }
+  const speed = document.getElementById("flip-speed");
+  out.speeds = [...speed.options].map(option => option.text);
+  for (const part of ["1", "4", "16"]) {
+    speed.value = part;
+    speed.onchange({target: speed});
+    out.rates.push(animator.mixer.timeScale);
+  }
+  const pre = document.createElement("pre");
+  pre.id = "probe";
+  pre.textContent = JSON.stringify(out);
+  document.body.append(pre);
+})();
+</script>
+"""
 # Presses play, looks at the clock twice, presses pause, looks twice again, then goes to the end.
 PROBE = """
 <script>
@@ -49,9 +75,13 @@ PROBE = """
 
 
 @pytest.fixture(scope="module")
-def page():
-    scenario = IDEAL.with_overrides({"simulation.hold_time": 1.0})
-    return replay.replay_html({"pd+ff+dob": simulate(scenario, "pd+ff+dob").recording}, scenario)
+def flown():
+    return simulate(SCENARIO, "pd+ff+dob").recording
+
+
+@pytest.fixture(scope="module")
+def page(flown):
+    return replay.replay_html({"pd+ff+dob": flown}, SCENARIO)
 
 
 def browse(folder, page, *options, at=""):
@@ -62,15 +92,33 @@ def browse(folder, page, *options, at=""):
     return subprocess.run(command, capture_output=True, timeout=HUNG, text=True)
 
 
-@pytest.mark.needs("chromium")
-def test_it_plays_pauses_and_ends_with_the_block_turned_over(page, tmp_path):
+def probe(folder, page, script, *options, at):
+    """What a script that is written into the page leaves in it."""
     trouble = "<head><script>window.trouble = []; onerror = text => trouble.push(String(text));</script>"
-    probed = page.replace("<head>", trouble, 1).replace("</body>", PROBE + "</body>")
-    done = browse(tmp_path, probed, "--virtual-time-budget=12000", "--dump-dom", at="#t=0.1")
+    probed = page.replace("<head>", trouble, 1).replace("</body>", script + "</body>")
+    done = browse(folder, probed, *options, "--dump-dom", at=at)
     found = re.search(r'<pre id="probe">(.*?)</pre>', done.stdout)
     assert found, done.stderr[-2000:]
     shown = json.loads(found.group(1))
     assert shown["errors"] == []
+    return shown
+
+
+@pytest.mark.needs("chromium")
+def test_arrow_keys_step_and_jump_and_the_speed_can_be_chosen(page, flown, tmp_path):
+    shown = probe(tmp_path, page, KEYS, "--virtual-time-budget=4000", at="#t=0.1")
+    clocks = np.array(shown["clocks"]) / replay.SLOWDOWN - replay.LEAD_IN
+    step = replay.FRAME_TIME / replay.SLOWDOWN
+    (left, _), (landed, _) = course(flown)
+    end = clocks[-2]
+    np.testing.assert_allclose(clocks[:5], [0.1 + step, 0.1 + 2 * step, 0.1 + step, left, landed], atol=2e-3)
+    assert end > landed + 0.1 and clocks[-1] == pytest.approx(landed, abs=2e-3)
+    assert shown["speeds"] == ["real", "1/2", "1/4", "1/8", "1/16", "1/32"] and shown["rates"] == [4, 1, 0.25]
+
+
+@pytest.mark.needs("chromium")
+def test_it_plays_pauses_and_ends_with_the_block_turned_over(page, tmp_path):
+    shown = probe(tmp_path, page, PROBE, "--virtual-time-budget=12000", at="#t=0.1")
     stopped, played, later, paused, still, end = shown["clocks"]  # seconds of playing time, four to one of the motion
     assert stopped == pytest.approx((0.1 + replay.LEAD_IN) * replay.SLOWDOWN, abs=0.02) and stopped < played < later
     assert paused == still and end > 4.0
