@@ -1,7 +1,7 @@
 # make flip    install and run the main job: plan, simulate four controllers, figures, replay  -> out/turnover
 # make test    install, and pass the tests
 # make fuzz    draw hostile input for FUZZ seconds (600); what ends badly goes to tests/hostile/corpus, which the tests replay
-# make lint    ruff, mypy and import-linter
+# make lint    ruff, mypy (--strict on the snippets of README and docs) and import-linter
 # make bench   speed, against the targets  -> out/bench
 # make docs    API reference from the docstrings  -> out/docs
 # make report  run the studies, write the report, copy its tables and pictures into README.md and docs/  -> out/report
@@ -52,6 +52,7 @@ lint: $(TESTABLE)
 	$(RUN) -m ruff check .
 	$(RUN) -m ruff format --check .
 	$(RUN) -m mypy
+	$(RUN) tests/strict_snippets.py
 	$(VENV)/bin/lint-imports
 
 bench: $(BENCHABLE)

@@ -6,6 +6,7 @@ size 1.  Written over every scalar (TemplateSystem) it is compiled with its loop
     python examples/own_controllers.py
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,7 @@ from pydrake.math import min as smaller
 from pydrake.systems.framework import BasicVector_, LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from flipdiagram import Scenario
-from flipdiagram.diagrams.one_dof import build_controller
-from flipdiagram.scenario.one_dof import OneDof
-from flipdiagram.studies.frequency.claims import acceleration_gain, phase
-from flipdiagram.studies.frequency.laboratory import Factory
-from flipdiagram.studies.frequency.run import compare
+from flipdiagram import Scenario, frequency_response
 
 
 @TemplateSystem.define("Pid_")
@@ -93,20 +89,22 @@ def SlidingMode_(T: Any) -> type:
 Pid = Pid_[None]
 SlidingMode = SlidingMode_[None]
 
-CONTROLLERS: dict[str, Factory] = {
-    "pd+ff+dob": lambda settings: build_controller("pd+ff+dob", settings),
+CONTROLLERS: dict[str, Any] = {
+    "pd+ff+dob": "pd+ff+dob",
     "pid": lambda settings: Pid(900.0, 5000.0, 60.0, settings.step),
     "sliding mode": lambda settings: SlidingMode(settings.mass, 30.0, 200.0, 2.0),
 }
+"""The name of one of the paper's controllers, or a function that makes one of one's own."""
 
 
-def main(scenario: Scenario | None = None) -> None:
-    """Print gain and phase of each controller, with friction, at a few frequencies."""
-    scenario = scenario or Scenario().with_overrides({"frequency.omega": [1.0, 10.0, 30.0, 100.0, 1000.0]})
-    settings: OneDof = scenario.one_dof
+def main(omega: Sequence[float] = (1.0, 10.0, 30.0, 100.0, 1000.0)) -> None:
+    """Print gain and phase of each controller, with friction, at a few frequencies [rad/s]."""
+    settings = Scenario().one_dof
     print(f"m = {settings.mass:g} kg, gravity and {settings.friction_model} friction")
-    for name, response in compare(CONTROLLERS, scenario, friction=True).items():
-        cells = zip(response.omega, acceleration_gain(response), np.degrees(phase(response)), strict=True)
+    for name, controller in CONTROLLERS.items():
+        own = {} if isinstance(controller, str) else {"name": name}
+        response = frequency_response(controller, omega=omega, friction=True, **own)
+        cells = zip(response.omega, response.acceleration_gain, np.degrees(response.phase), strict=True)
         print(f"{name:>14}", *(f"{w:6g} rad/s: {gain:.3f}, {angle:6.1f} deg" for w, gain, angle in cells), sep="   ")
 
 

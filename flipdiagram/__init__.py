@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from flipdiagram.campaign.run import run_campaign
     from flipdiagram.compiled import CompiledDiagram, compile_diagram
     from flipdiagram.diagrams.controller import build_controller
     from flipdiagram.diagrams.loop import Loop, build_loop
@@ -24,14 +25,17 @@ if TYPE_CHECKING:
         ScenarioError,
         SimulationError,
     )
+    from flipdiagram.figures.motion import plot_plan
     from flipdiagram.files import __version__ as __version__
     from flipdiagram.planning import Plan, plan_motion
     from flipdiagram.results.comparison import Comparison, compare
     from flipdiagram.results.info import info
-    from flipdiagram.results.opening import open_result
-    from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, load
+    from flipdiagram.results.opening import open_campaign, open_result
+    from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, load_scenario
     from flipdiagram.simulation.metrics import FlipMetrics, measure
     from flipdiagram.simulation.simulate import Run, simulate, simulate_loop
+    from flipdiagram.studies.frequency.response import FrequencyResponse, frequency_response
+    from flipdiagram.studies.place.run import Placement, place
 
 __all__ = [
     "ARCHITECTURES",
@@ -40,9 +44,11 @@ __all__ = [
     "Drawing",
     "FlipMetrics",
     "FlipdiagramError",
+    "FrequencyResponse",
     "InputError",
     "Loop",
     "MissingProgramError",
+    "Placement",
     "Plan",
     "PlanningError",
     "Run",
@@ -54,26 +60,35 @@ __all__ = [
     "compare",
     "compile_diagram",
     "draw",
+    "frequency_response",
     "info",
-    "load",
+    "load_scenario",
     "measure",
+    "open_campaign",
     "open_result",
+    "place",
     "plan_motion",
+    "plot_plan",
+    "run_campaign",
     "simulate",
     "simulate_loop",
 ]
 
 _ROOMS = {
+    "campaign.run": ("run_campaign",),
     "compiled": ("CompiledDiagram", "compile_diagram"),
     "diagrams.controller": ("build_controller",),
     "diagrams.loop": ("Loop", "build_loop"),
     "drawing": ("Drawing", "draw"),
+    "figures.motion": ("plot_plan",),
     "files": ("__version__",),
     "planning": ("Plan", "plan_motion"),
-    "results": ("Comparison", "compare", "info", "open_result"),
-    "scenario.scenario": ("ARCHITECTURES", "Scenario", "load"),
+    "results": ("Comparison", "compare", "info", "open_campaign", "open_result"),
+    "scenario.scenario": ("ARCHITECTURES", "Scenario", "load_scenario"),
     "simulation.metrics": ("FlipMetrics", "measure"),
     "simulation.simulate": ("Run", "simulate", "simulate_loop"),
+    "studies.frequency.response": ("FrequencyResponse", "frequency_response"),
+    "studies.place.run": ("Placement", "place"),
 }
 _HOMES = dict.fromkeys((name for name in __all__ if name.endswith("Error")), "flipdiagram.errors")
 _HOMES |= {name: f"flipdiagram.{room}" for room, names in _ROOMS.items() for name in names}
@@ -83,7 +98,7 @@ def __getattr__(name: str) -> Any:
     """Load a public name from its room (PEP 562)."""
     if name not in _HOMES:
         raise AttributeError(f"module 'flipdiagram' has no attribute '{name}'")
-    if name in ("simulate", "simulate_loop"):
+    if name in ("place", "simulate", "simulate_loop"):
         import_module("flipdiagram.results")  # gives recordings their accessor `flip`
     value = globals()[name] = getattr(import_module(_HOMES[name]), name)
     return value

@@ -2,6 +2,6 @@
 
 from pathlib import Path
 
-from flipdiagram.scenario.scenario import load
+from flipdiagram.scenario.scenario import load_scenario
 
-IDEAL = load(Path(__file__).parents[1] / "examples" / "ideal_servo.yaml")
+IDEAL = load_scenario(Path(__file__).parents[1] / "examples" / "ideal_servo.yaml")

@@ -1,8 +1,11 @@
 """From a campaign's file to a Specification: all that can be known before anything runs is checked."""
 
+import json
 import math
+import os
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +15,7 @@ from flipdiagram.campaign.specification_file import MOST_TRIALS, Source, Specifi
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import InputError, PlanningError, SimulationError
 from flipdiagram.flips.flip import NOT_OF_A_FLIP
-from flipdiagram.scenario.scenario import Scenario, field_paths, from_mapping, load, value_of
+from flipdiagram.scenario.scenario import Scenario, field_paths, from_mapping, load_scenario, value_of
 from flipdiagram.scenario.text import unknown_field
 from flipdiagram.scenario.work import flip_work
 
@@ -30,6 +33,28 @@ def load_specification(path: str | Path, changes: Mapping[str, Any] | None = Non
     changes: fields of the base by path that count more than the file, such as those of the command line.
     """
     return specification(read(path), Path(path).parent, changes)
+
+
+def specification_of(given: Specification | Mapping[str, Any] | str | os.PathLike[str]) -> Specification:
+    """A campaign as a file, or as what would stand in one: {"vary": {...}, "trials": 100}, its base a Scenario or not.
+
+    Raises InputError, as for a file.
+    """
+    if isinstance(given, Specification):
+        return given
+    if isinstance(given, str | os.PathLike):
+        return load_specification(Path(given))
+    if not isinstance(given, Mapping):
+        raise InputError.of("specification", given, "the name of a file, or a mapping as it would stand in one")
+    base = given.get("base")
+    data = dict(given) | ({"base": base.model_dump(mode="json")} if isinstance(base, Scenario) else {})
+    try:
+        text = json.dumps(data)
+    except (TypeError, ValueError) as error:
+        valid = "texts, numbers, lists and mappings of these"
+        raise InputError.of("specification", given, valid, f"a campaign's mapping cannot be written: {error}") from None
+    parsed = parse(text, "specification")
+    return specification(replace(parsed, lines={}), Path("."))  # its lines are of no file
 
 
 def from_text(text: str, name: str = "campaign.yaml") -> Specification:
@@ -91,7 +116,7 @@ def _base(source: Source, file: SpecificationFile, folder: Path) -> Scenario:
 def scenario_beside(folder: Path, name: str) -> Scenario:
     """A scenario that a file in a folder names: looked for beside it first.  Raises InputError."""
     beside = folder / name
-    return load(beside if beside.is_file() else name)
+    return load_scenario(beside if beside.is_file() else name)
 
 
 def _dimensions(source: Source, file: SpecificationFile, base: Scenario) -> tuple[Dimension, ...]:

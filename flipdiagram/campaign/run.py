@@ -1,13 +1,21 @@
 """A campaign from its specification to its file: what is missing is flown, by whatever workers."""
 
+import os
+import tempfile
 import time
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from flipdiagram.campaign.checks import check_estimate
+import xarray as xr
+
+from flipdiagram.campaign.checks import check_estimate, specification_of
+from flipdiagram.campaign.dataset import load_dataset
 from flipdiagram.campaign.draw import missing_draws
 from flipdiagram.campaign.specification import Specification
+from flipdiagram.errors import InputError
 from flipdiagram.flips.driver import Flying, fly_all
 from flipdiagram.flips.flight import Work, fly_flight, plan_drawn_flight, provenance
 from flipdiagram.flips.flip import scenario_digest
@@ -30,6 +38,39 @@ class Ended:
     file: Path
     flown: int
     workers: str
+
+
+def run_campaign(
+    specification: Specification | Mapping[str, Any] | str | os.PathLike[str],
+    out: str | os.PathLike[str] | None = None,
+    *,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    resume: bool = False,
+    any_version: bool = False,
+    progress: Progress = lambda text: None,
+) -> xr.Dataset:
+    """Fly every trial of a campaign under every architecture; the flips over (trial, architecture), with units.
+
+    Args:
+        specification: the name of a campaign file, as examples/campaign.yaml, or what would stand in one:
+            {"base": scenario, "vary": {"object.mass": {"uniform": [0.03, 0.12]}}, "trials": 64}.
+        out: folder for campaign.sqlite, which `open_campaign` reads again; None: nothing is kept.
+        jobs: processes side by side, by default one a core.
+        scheduler: address of a Dask scheduler, whose workers fly instead.
+        resume: go on with what `out` holds.
+        any_version: even if code or versions have changed since.
+        progress: told how far it is, as a line of text.
+
+    Raises InputError for a bad specification, for one that takes longer than its `limit_hours` [h], and for a file that
+    cannot be used; SimulationError where the cluster is lost.
+    """
+    checked = specification_of(specification)
+    if out is None and resume:
+        raise InputError.of("resume", True, "resume with the folder `out` of an earlier run")
+    settings: Any = {"jobs": jobs, "scheduler": scheduler, "resume": resume, "any_version": any_version}
+    with tempfile.TemporaryDirectory() if out is None else nullcontext(os.fspath(out)) as folder:
+        return load_dataset(run(checked, folder, progress=progress, **settings).file)
 
 
 def run(

@@ -15,7 +15,7 @@ from typing import TextIO
 from flipdiagram.cli import commands
 from flipdiagram.cli.options import COMMANDS, parser, split_overrides
 from flipdiagram.errors import FlipdiagramError, InputError
-from flipdiagram.scenario.scenario import Scenario, load
+from flipdiagram.scenario.scenario import Scenario, load_scenario
 from flipdiagram.scenario.yaml_reader import parse_value
 from flipdiagram.studies.registry import COMMANDS as STUDY_COMMANDS
 
@@ -78,7 +78,7 @@ def _run(argv: list[str]) -> int:
     if "scenario" not in arguments and overrides:
         options.error(f"'{arguments.command}' takes no fields of a scenario")
     file = getattr(arguments, "scenario", None)
-    scenario = Scenario() if file is None else load(file)
+    scenario = Scenario() if file is None else load_scenario(file)
     fields = {path: parse_value(text, path) for path, text in overrides.items()}
     # an argument of a command may be a field too, such as the file of `arm check`
     fields |= {name: value for name, value in vars(arguments).items() if "." in name and value is not None}

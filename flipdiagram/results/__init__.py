@@ -14,6 +14,15 @@ from flipdiagram.results.accessor import FlipAccessor
 from flipdiagram.results.comparison import Comparison, SignalDifference, compare
 from flipdiagram.results.differences import Change
 from flipdiagram.results.info import info
-from flipdiagram.results.opening import open_result
+from flipdiagram.results.opening import open_campaign, open_result
 
-__all__ = ["Change", "Comparison", "FlipAccessor", "SignalDifference", "compare", "info", "open_result"]
+__all__ = [
+    "Change",
+    "Comparison",
+    "FlipAccessor",
+    "SignalDifference",
+    "compare",
+    "info",
+    "open_campaign",
+    "open_result",
+]

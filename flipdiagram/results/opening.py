@@ -76,6 +76,20 @@ def open_result(path: AnyPath) -> Result:
     return read(path).result()
 
 
+def open_campaign(path: AnyPath) -> xr.Dataset:
+    """The flips of a campaign over (trial, architecture), with units: `outcome`, `success`, metrics, what was varied.
+
+    path: the folder of a campaign, its campaign.sqlite, also while it runs, or what --export wrote (.csv, .parquet,
+    .nc).  Raises InputError where it is something else.
+    """
+    file = Path(path)
+    held = file / "campaign.sqlite"
+    source = read(held if held.is_file() else file)
+    if source.kind != CAMPAIGN or source.data is None:
+        raise _refused(file, f"is a result of kind '{source.kind}'", "the folder or campaign.sqlite of a campaign")
+    return source.data
+
+
 def read(path: AnyPath) -> Source:
     """A file or folder of results, read and known by its kind; InputError as `open_result`."""
     file = _locate(path)

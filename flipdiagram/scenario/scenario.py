@@ -1,6 +1,6 @@
 """Everything a run depends on, typed, with units and bounds; the defaults are the paper's, as far as it is documented.
 
-A `Scenario` is immutable.  `Scenario()` is the default, `load` reads a YAML file that may be partial (a delta
+A `Scenario` is immutable.  `Scenario()` is the default, `load_scenario` reads a YAML file that may be partial (a delta
 on the defaults), `with_overrides` changes single fields by path.  Every bad value ends in a one-line
 `ScenarioError`.
 
@@ -231,7 +231,7 @@ def from_yaml(text: str, source: str = "scenario") -> Scenario:
     return from_mapping({section: {} if values is None else values for section, values in data.items()})
 
 
-def load(path: str | os.PathLike[str]) -> Scenario:
+def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     """Read a scenario file; model files that it names are looked for beside it first.
 
     Raises InputError naming the file where it cannot be read.

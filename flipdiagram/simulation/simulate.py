@@ -19,7 +19,7 @@ from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.margins import with_margins
 from flipdiagram.simulation.metrics import FlipMetrics, measure
 from flipdiagram.simulation.recording import Recording, assemble
-from flipdiagram.simulation.thumbnail import path_svg
+from flipdiagram.simulation.thumbnail import beside, path_svg
 
 CHUNK = 0.1
 """Simulated seconds between two looks at progress and divergence."""
@@ -52,8 +52,7 @@ class Run:
             ["largest slip", _cm(measured.max_slip_m)],
             ["real-time factor", f"{self.real_time_factor:.2f}"],
         ]
-        table = Grid(["", measured.architecture], rows).html()
-        return f'<div style="display: flex; gap: 1em; align-items: center">{table}{path_svg(self.recording)}</div>'
+        return beside(Grid(["", measured.architecture], rows).html(), path_svg(self.recording))
 
 
 def verdict_of(measured: FlipMetrics) -> str:

@@ -41,6 +41,11 @@ def path_svg(data: Recording) -> str:
     )
 
 
+def beside(table: str, picture: str) -> str:
+    """A table and a picture in one line of a notebook."""
+    return f'<div style="display: flex; gap: 1em; align-items: center">{table}{picture}</div>'
+
+
 def _line(points: Floats, colour: str, width: float) -> str:
     text = " ".join(f"{y:.1f},{HEIGHT - z:.1f}" for y, z in points)
     return f'<polyline points="{text}" fill="none" stroke="{colour}" stroke-width="{width}"/>'

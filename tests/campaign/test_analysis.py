@@ -8,21 +8,25 @@ import time
 import numpy as np
 import pytest
 import xarray as xr
+import yaml
 from campaign.made_up import QUIET, WORK
 from rich.console import Console
+from synthetic import recording
 
 from flipdiagram.campaign import figures as campaign_figures
 from flipdiagram.campaign import tables as campaign_tables
 from flipdiagram.campaign.analysis import analyse
 from flipdiagram.campaign.checks import from_text
 from flipdiagram.campaign.dataset import METRICS, export, load_dataset, parameters_of, to_dataset
-from flipdiagram.campaign.run import run
+from flipdiagram.campaign.run import run, run_campaign
 from flipdiagram.campaign.study import report_section, write_analysis
 from flipdiagram.campaign.watch import status_grid, watch
 from flipdiagram.errors import InputError
 from flipdiagram.flips.outcome import MODES, mode_of
 from flipdiagram.flips.row import Row
 from flipdiagram.flips.store_file import open_to_write
+from flipdiagram.results import open_campaign
+from flipdiagram.scenario.scenario import Scenario
 
 NAMES = ("pd", "pd+ff", "pd+dob", "pd+ff+dob")
 WORLD = """
@@ -183,6 +187,41 @@ def test_the_analysis_is_written_with_all_its_figures(file, tmp_path):
     assert "(campaign/campaign_map.png)" in campaign_tables.section(summary, "campaign")
     shutil.copy(file, tmp_path)
     assert f"({tmp_path.name}/campaign_map.png)" in report_section(tmp_path.parent, [tmp_path.name])
+
+
+def test_python_flies_a_campaign_from_what_would_stand_in_its_file(file, monkeypatch):
+    flown = load_dataset(file)
+    mapping = yaml.safe_load(QUIET)
+    scenario = Scenario().with_overrides(mapping["base"])
+    again = run_campaign(mapping | {"base": scenario}, file.parent, jobs=1, resume=True)  # nothing is missing
+    xr.testing.assert_identical(again, flown)
+    monkeypatch.setitem(run.__kwdefaults__, "work", WORK)
+    told = []
+    kept_nowhere = run_campaign(mapping | {"trials": 2}, jobs=1, progress=told.append)
+    assert kept_nowhere.sizes["trial"] == 2 and (kept_nowhere["outcome"] != "").all() and told
+    xr.testing.assert_identical(open_campaign(file.parent), flown)
+    xr.testing.assert_identical(open_campaign(str(file)), flown)
+    recording().to_netcdf(file.parent / "pd.nc", engine="scipy")
+    with pytest.raises(InputError, match=r"pd.nc' is a result of kind 'recording'; valid is the folder or"):
+        open_campaign(file.parent / "pd.nc")
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (3, "specification = 3; valid is the name of a file, or a mapping"),
+        (
+            {"vary": {"object.mas": {"uniform": [0, 1]}}, "trials": 2},
+            "campaign 'specification': .* did you mean 'object.mass'",
+        ),
+        ({"vary": {"object.mass": {1, 2}}}, "a campaign's mapping cannot be written: .*set.*; valid is texts, numbers"),
+        ("nowhere.yaml", "campaign 'nowhere.yaml' cannot be read: No such file"),
+    ],
+)
+def test_a_bad_specification_in_python_is_one_line(given, words):
+    with pytest.raises(InputError, match=words) as caught:
+        run_campaign(given)
+    assert "\n" not in str(caught.value)
 
 
 def test_figures_of_hundreds_of_flips_and_of_none(summary, data, tmp_path):

@@ -20,7 +20,7 @@ from flipdiagram.robot.arm_spec import ArmSpec
 from flipdiagram.robot.model_files import block_sdf, spatula_urdf
 from flipdiagram.robot.parts import add_parts
 from flipdiagram.scenario.cell import Arm
-from flipdiagram.scenario.scenario import Scenario, load
+from flipdiagram.scenario.scenario import Scenario, load_scenario
 from flipdiagram.simulation.metrics import measure
 from flipdiagram.simulation.simulate import simulate
 
@@ -187,7 +187,7 @@ def test_our_tool_and_block_as_files_give_the_same_run(tmp_path):
     (tmp_path / "mine.yaml").write_text("tool: {file: spatula.urdf}\nobject: {file: block.sdf}\n")
     plan = ideal_plan()
     ours = simulate(default.with_overrides(short), "pd", plan).recording
-    own = simulate(load(tmp_path / "mine.yaml").with_overrides(short), "pd", plan).recording
+    own = simulate(load_scenario(tmp_path / "mine.yaml").with_overrides(short), "pd", plan).recording
     for name in ("x", "tau", "block_pose"):
         np.testing.assert_array_equal(own[name].values, ours[name].values)
 

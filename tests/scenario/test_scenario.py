@@ -14,7 +14,7 @@ from flipdiagram.scenario.scenario import (
     field_paths,
     from_mapping,
     from_yaml,
-    load,
+    load_scenario,
 )
 from flipdiagram.scenario.text import describe_valid, fields_of, spans_of, unit_of
 from flipdiagram.scenario.yaml_reader import line_of, parse_value, read_mapping
@@ -351,7 +351,7 @@ def test_an_override_is_read_as_yaml(text, value):
 def test_load_reads_a_partial_file(tmp_path):
     path = tmp_path / "delta.yaml"
     path.write_text("controller: {k_p: 400}  # ΔT", encoding="utf-8")
-    assert load(path) == Scenario().with_overrides({"controller.k_p": 400.0})
+    assert load_scenario(path) == Scenario().with_overrides({"controller.k_p": 400.0})
 
 
 def test_load_names_the_file_that_it_cannot_read(tmp_path):
@@ -359,7 +359,7 @@ def test_load_names_the_file_that_it_cannot_read(tmp_path):
     latin.write_bytes(b"\xff\xfe\xff")
     for path, reason in ((tmp_path / "none.yaml", "No such file"), (tmp_path, "Is a directory"), (latin, "UTF-8")):
         with pytest.raises(InputError, match=reason) as caught:
-            load(path)
+            load_scenario(path)
         assert str(path) in str(caught.value)
 
 

@@ -60,10 +60,10 @@ def run(
         )
         data[engine] = load_dataset(ended.file)
     base = specification.base.with_overrides({"simulation.engine": ENGINES[0]})
-    write_summary(Path(out) / "summary.json", "engines", base, compare(*data.values()))
+    write_summary(Path(out) / "summary.json", "engines", base, agreement(*data.values()))
 
 
-def compare(one: xr.Dataset, other: xr.Dataset) -> dict[str, Any]:
+def agreement(one: xr.Dataset, other: xr.Dataset) -> dict[str, Any]:
     """How often two campaigns of the same worlds give the same verdict, which flips differ, and in which worlds.
 
     A verdict is whether the block was turned over; the outcome says how a failure looked.  parameters: medians over

@@ -13,8 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from flipdiagram.figures.style import GUIDE, NAMES, new_axes, save, style_of, tidy
+from flipdiagram.errors import InputError
+from flipdiagram.figures.style import GUIDE, NAMES, STYLES, finish, new_axes, save, style_of, tidy
 from flipdiagram.files import write_atomically
+from flipdiagram.studies.frequency.response import FrequencyResponse
 from flipdiagram.studies.frequency.tables import markdown
 from flipdiagram.studies.study import Summary
 
@@ -115,6 +117,21 @@ def plot_noise(summary: Summary) -> Figure:
     axes[0].set(xscale="log", yscale="log", xlabel=OMEGA, ylabel="|x / $v_{noise}$| [s]")
     axes[1].set(xscale="log", xlabel=OMEGA, ylabel="noise gain relative to PD")
     return _finished(axes)
+
+
+def plot_response(response: FrequencyResponse, ax: Sequence[Axes] | None = None) -> Sequence[Axes]:
+    """Gain and phase [deg] of one controller over ω; axes that were given may hold those of others already."""
+    axes = list(new_axes(2, (5.2, 4.6)) if ax is None else ax)
+    if len(axes) != 2:
+        raise InputError.of("ax", len(axes), "2, for gain and phase", f"{len(axes)} axes given")
+    line = STYLES[response.name].line() if response.name in STYLES else {}
+    label = NAMES.get(response.name, response.name) + (", friction" if response.friction else "")
+    axes[0].plot(response.omega, response.gain, label=label, **line)
+    axes[1].plot(response.omega, np.degrees(response.phase), label=label, **line)
+    axes[0].set(xscale="log", yscale="log", ylabel="gain |X / $X_{cmd}$|")
+    axes[1].set(xscale="log", xlabel=OMEGA, ylabel="phase of x against $x_{cmd}$ [deg]")
+    finish(axes, own=False)  # a legend that grows with the next response
+    return axes
 
 
 def _pick(entries: Sequence[Any], figure: str) -> list[Any]:

@@ -2,14 +2,12 @@
 
 import json
 import time
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from flipdiagram.errors import InputError
 from flipdiagram.files import atomic_path, write_summary
 from flipdiagram.flips.flip import code_version
 from flipdiagram.scenario.scenario import Scenario
@@ -17,9 +15,8 @@ from flipdiagram.studies.frequency import realisations
 from flipdiagram.studies.frequency.broadband import noise_gains
 from flipdiagram.studies.frequency.claims import acceleration_gain, evaluate, phase
 from flipdiagram.studies.frequency.curves import curves_of, friction_curves, torque_of
-from flipdiagram.studies.frequency.laboratory import Factory, Laboratory, Measured, closed_form
+from flipdiagram.studies.frequency.laboratory import Laboratory, Measured, closed_form
 from flipdiagram.studies.frequency.realisations import Progress
-from flipdiagram.studies.frequency.sweep import Response
 
 QUICK = {"frequency.lowest": 1.0, "frequency.count": 24, "frequency.torque_count": 9, "frequency.noise_time": 20.0}
 """The scenario of a quick run; it also leaves out the table of realisations and the other friction model."""
@@ -90,20 +87,6 @@ def stored(scenario: Scenario, out: str | Path, *, quick: bool = False) -> dict[
         return summary if same and summary["quick"] is quick else None
     except (OSError, ValueError, KeyError, TypeError):
         return None
-
-
-def compare(controllers: Mapping[str, Factory], scenario: Scenario, *, friction: bool = False) -> dict[str, Response]:
-    """Command responses of controllers of your own, by name, on the study's frequencies; see one_dof for ports.
-
-    A factory makes a new controller for the loop's settings at each call: `lambda settings: MyController()`.  Names
-    of the four architectures may stand beside them with `one_dof.build_controller` as factory.
-    """
-    if not controllers:
-        raise InputError("controllers = {}; give at least one factory by name")
-    laboratory = Laboratory(scenario.one_dof, scenario.frequency, controllers)
-    loops = laboratory.loops((scenario.one_dof.g_dis,))
-    responses = laboratory.responses(loops, scenario.frequency.frequencies(), "friction" if friction else "linear")
-    return {name: response for (name, _), response in responses.items()}
 
 
 def unsteady_responses(laboratory: Laboratory, measured: Measured) -> list[dict[str, Any]]:

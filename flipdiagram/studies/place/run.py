@@ -1,6 +1,7 @@
 """Laying the object down by letting it slide off a tilted spatula: plan, simulate, judge."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from flipdiagram.diagrams.controller import check_architecture
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.files import atomic_path, write_summary
 from flipdiagram.flips.workers import Workers
+from flipdiagram.grid import Grid, number
 from flipdiagram.planning.place_replanner import PlaceReplanner
 from flipdiagram.planning.placing import Placer, PlacingPlan
 from flipdiagram.robot.parts import arm_of
@@ -19,6 +21,7 @@ from flipdiagram.simulation.metrics import rmse
 from flipdiagram.simulation.recording import Recording, in_tool, roll
 from flipdiagram.simulation.replans import replans
 from flipdiagram.simulation.simulate import simulate
+from flipdiagram.simulation.thumbnail import beside, path_svg
 from flipdiagram.studies.study import Progress, silent
 from flipdiagram.theory import contact
 from flipdiagram.theory.contact import ContactState
@@ -72,22 +75,62 @@ def run(
     write_summary(folder / "summary.json", "place", scenario, body)
 
 
-def place_one(scenario: Scenario, architecture: str, plan: PlacingPlan, folder: Path) -> dict[str, Any]:
-    """One run: simulate, judge, write its recording; its entry in `runs` of summary.json."""
-    name = f"{architecture}.nc"
+@dataclass(frozen=True, repr=False)
+class Placement:
+    """One object laid down: its recording, the plan it followed, and the verdict, the `runs` entry of summary.json."""
+
+    recording: Recording
+    plan: PlacingPlan
+    verdict: dict[str, Any]
+
+    @property
+    def success(self) -> bool:
+        """Whether it lies flat at the target and came down gently."""
+        return bool(self.verdict["success"])
+
+    def __repr__(self) -> str:
+        return f"Placement({self.verdict['architecture']}: {self.verdict['failure'] or 'laid down'})"
+
+    def _repr_html_(self) -> str:
+        """Verdict and path."""
+        rows = [[name, number(value)] for name, value in self.verdict.items() if not isinstance(value, dict)]
+        return beside(Grid(["", "laying down"], rows).html(), path_svg(self.recording))
+
+
+def place(
+    scenario: Scenario | None = None, architecture: str = "pd+ff+dob", plan: PlacingPlan | None = None
+) -> Placement:
+    """Lay the object down: carry it sticking (7), tilt the blade so that it slides (8), draw the blade away.
+
+    Args:
+        scenario: its section `place` says where to and how; the default where None.
+        architecture: one of `ARCHITECTURES`.
+        plan: that of an earlier `Placement` of the same scenario; made where None.
+
+    Raises InputError, PlanningError where the object cannot be laid down, and SimulationError.
+    """
+    scenario = scenario or Scenario()
+    check_architecture(architecture)
     placer = Placer(scenario, arm_of(scenario))
+    placing = placer.plan() if plan is None else plan
     data = simulate(
-        scenario, architecture, plan.plan, replanner=lambda: PlaceReplanner(placer, plan.after_carry)
+        scenario, architecture, placing.plan, replanner=lambda: PlaceReplanner(placer, placing.after_carry)
     ).recording
     data["slide"] = (("time",), sliding(data), {"units": "m"})
-    data["slide_cmd"] = (("time",), plan.displacement(data["time"].values), {"units": "m"})
+    data["slide_cmd"] = (("time",), placing.displacement(data["time"].values), {"units": "m"})
     data["contact_state"] = (("time",), contact_states(data), {"units": "1", "note": "0 stick, 1 slide, 2 release"})
-    placed = {"architecture": architecture} | judge(data, scenario.place.target_y, plan) | {"recording": name}
-    placed |= {} if (again := replans(data)) is None else {"replanning": again}
+    verdict = {"architecture": architecture} | judge(data, scenario.place.target_y, placing)
+    judged = {"study": "place", "success": int(verdict["success"]), "failure": verdict["failure"] or ""}
+    return Placement(data.assign_attrs(judged), placing, verdict)
+
+
+def place_one(scenario: Scenario, architecture: str, plan: PlacingPlan, folder: Path) -> dict[str, Any]:
+    """One run: lay down, write the recording; its entry in `runs` of summary.json."""
+    placement, name = place(scenario, architecture, plan), f"{architecture}.nc"
     with atomic_path(folder / name) as temporary:
-        judged = data.assign_attrs(study="place", success=int(placed["success"]), failure=placed["failure"] or "")
-        judged.to_netcdf(temporary, engine="scipy")
-    return placed
+        placement.recording.to_netcdf(temporary, engine="scipy")
+    again = replans(placement.recording)
+    return placement.verdict | {"recording": name} | ({} if again is None else {"replanning": again})
 
 
 def sliding(data: Recording) -> np.ndarray:

@@ -66,11 +66,11 @@ def fly_worlds(
         flown, once = ([by_key[w, name, k] for k in range(worlds)] for w in (way, next(iter(ways))))
         turned = sum(outcome.success for outcome in flown)
         entry = {"way": way, "architecture": name, "turned_over": turned, **success_rate(turned, worlds)}
-        entries.append(entry | ({} if flown == once else {"against_first": compare(flown, once)}))
+        entries.append(entry | ({} if flown == once else {"against_first": against_first(flown, once)}))
     return {"count": worlds, "vary": [dimension.as_dict() for dimension in box.dimensions], "entries": entries}
 
 
-def compare(flown: Sequence[Outcome], first: Sequence[Outcome]) -> dict[str, Any]:
+def against_first(flown: Sequence[Outcome], first: Sequence[Outcome]) -> dict[str, Any]:
     """The same worlds in two ways: success, and where both succeed J of the landing and the position RMSE.
 
     median_difference is the median over the pairs of this way's number less the first way's; p by Wilcoxon's signed

@@ -19,7 +19,7 @@ from flipdiagram.campaign.specification_file import parse
 from flipdiagram.errors import InputError
 from flipdiagram.flips.outcome import Outcome
 from flipdiagram.flips.run import Clock
-from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, load
+from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, load_scenario
 from flipdiagram.studies.calibrate import figures, worlds
 from flipdiagram.studies.calibrate import run as study
 from flipdiagram.studies.calibrate.observations import (
@@ -105,7 +105,7 @@ def test_named_scenarios_stand_beside_them_start_by_start(summary, folder):
     assert summary["claim_shares"][5]["scenarios"]["slower"] is True
     # the world at the medians, which is written to be flown by its name
     found = {row["name"]: row["posterior"][1] for row in summary["unknowns"]}
-    median = load(folder / "out" / "median.yaml")
+    median = load_scenario(folder / "out" / "median.yaml")
     assert median.sensors.velocity_cutoff == pytest.approx(found["sensors.velocity_cutoff"])
     assert rows["acceleration RMSE, FF+DOB"]["median"] == pytest.approx(
         4.65 * np.sqrt(62.8 / median.sensors.velocity_cutoff)

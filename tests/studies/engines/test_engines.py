@@ -64,10 +64,10 @@ def test_the_parameter_that_tells_the_worlds_apart_comes_first():
                 attrs={"parameters": json.dumps(["object.mass", "object.friction"])},
             )
         )
-    first, second = engines.compare(*worlds)["parameters"]
+    first, second = engines.agreement(*worlds)["parameters"]
     assert (first["name"], second["name"]) == ("object.friction", "object.mass")
     assert first["p_holm"] < 1e-6 < 0.01 < second["p_holm"] and 0.7 < first["other"] < 0.9 < first["equal"]
-    equal = engines.compare(worlds[0], worlds[0])
+    equal = engines.agreement(worlds[0], worlds[0])
     assert equal["differ"] == [] and equal["parameters"] == [] and equal["architectures"]["pd"]["rate"] == 1.0
 
 

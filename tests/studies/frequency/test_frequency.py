@@ -21,6 +21,7 @@ from flipdiagram.studies.frequency import tables as frequency_tables
 from flipdiagram.studies.frequency.broadband import gain_spectrum
 from flipdiagram.studies.frequency.claims import SMALL_LAG, band
 from flipdiagram.studies.frequency.laboratory import Laboratory
+from flipdiagram.studies.frequency.response import frequency_response
 from flipdiagram.studies.frequency.sweep import settling_ticks
 
 # NumPy reports the floating-point flags that Drake's symbolic scalars leave behind.
@@ -177,18 +178,62 @@ def own_controllers():
 
 
 def test_controllers_of_ones_own_are_measured_like_the_four(capsys):
-    module = own_controllers()
-    small = PAPER.with_overrides({"frequency.omega": [1.0, 30.0, 100.0]})
-    found = frequency.compare(module.CONTROLLERS, small)
-    assert list(found) == ["pd+ff+dob", "pid", "sliding mode"]
-    assert all(response.steady.all() for response in found.values())
+    module, omega = own_controllers(), np.array([1.0, 30.0, 100.0])
+    pid = frequency_response(module.CONTROLLERS["pid"], omega=omega, name="pid")
+    sliding = frequency_response(module.CONTROLLERS["sliding mode"], omega=omega)
+    assert pid.steady.all() and sliding.steady.all()
     # PID by hand: x (m s^2 + k_d s + k_p + k_i/s) = (k_d s + k_p + k_i/s) x_cmd
-    s = 1j * np.array([1.0, 30.0, 100.0])
+    s = 1j * omega
     forward = 60 * s + 900 + 5000 / s
-    assert -found["pid"].x == pytest.approx(forward / (s**2 + forward), rel=5e-3)
-    assert np.abs(-found["sliding mode"].x - 1).max() < 0.05  # it feeds the acceleration forward
-    module.main(small)
+    exact = forward / (s**2 + forward)
+    assert pid.response == pytest.approx(exact, rel=5e-3)
+    assert pid.gain == pytest.approx(np.abs(exact), rel=5e-3)
+    assert pid.phase == pytest.approx(np.unwrap(np.angle(exact)), abs=5e-3)
+    assert np.abs(sliding.response - 1).max() < 0.05  # it feeds the acceleration forward
+    assert repr(pid).startswith("FrequencyResponse(pid: 3 frequencies from 1 to 100 rad/s, gain 1 to 0.55")
+    module.main(omega)
     assert "sliding mode" in capsys.readouterr().out
+
+
+@pytest.fixture(scope="module")
+def of_pd():
+    return frequency_response("pd", omega=[1.0, 30.0, 100.0])
+
+
+def test_a_response_of_the_four_is_that_of_the_study_and_of_the_closed_form(of_pd):
+    laboratory = Laboratory(PAPER.one_dof, PAPER.frequency)
+    measured = laboratory.responses([("pd", 0.0)], of_pd.omega)["pd", 0.0]
+    assert of_pd.response == pytest.approx(-measured.x) and of_pd.rms_error == pytest.approx(measured.rms_error)
+    assert of_pd.response == pytest.approx(theory("pd", PAPER.one_dof).command(of_pd.omega), rel=1e-5)
+    data = of_pd.to_dataset()
+    assert data["phase"].attrs["units"] == "rad" and data["omega"].attrs["units"] == "rad/s"
+    assert data["gain"].values == pytest.approx(of_pd.gain) and data.attrs["controller"] == "pd"
+
+
+def test_a_response_is_drawn_into_new_axes_or_those_given(of_pd):
+    axes = of_pd.plot()
+    assert len(axes) == 2 and axes[1].get_xlabel() == "ω [rad/s]"
+    (line,) = axes[1].get_lines()
+    assert line.get_ydata() == pytest.approx(np.degrees(of_pd.phase))
+    assert list(of_pd.plot(axes)) == list(axes) and len(axes[0].get_lines()) == 2
+    with pytest.raises(InputError, match="1 axes given; valid is 2, for gain and phase"):
+        of_pd.plot(axes[:1])
+
+
+@pytest.mark.parametrize(
+    ("controller", "settings", "words"),
+    [
+        ("pid", {}, "unknown architecture 'pid'; choose from pd"),
+        (3, {}, "controller is a int; valid is a function that makes one"),
+        (lambda settings: 3, {}, "controller made a int; valid is a Drake System"),
+        (lambda settings: 3, {"name": "pd"}, "name = 'pd'"),
+        ("pd", {"omega": [1e9]}, "'frequency.omega' = .1000000000.0. is not valid"),
+        ("pd", {"omega": ["fast"]}, "'frequency.omega' = .'fast'. is not valid"),
+    ],
+)
+def test_what_has_no_response_is_refused_in_one_line(controller, settings, words):
+    with pytest.raises(InputError, match=words):
+        frequency_response(controller, **settings)
 
 
 class Plain(LeafSystem):
@@ -207,10 +252,10 @@ class Plain(LeafSystem):
 
 
 def test_a_controller_without_symbolic_form_runs_in_drake():
-    small = PAPER.with_overrides({"frequency.omega": [300.0], "frequency.tolerance": 1e-3})
-    (response,) = frequency.compare({"mine": lambda settings: Plain("x_cmd", "x", "v")}, small).values()
+    coarse = PAPER.with_overrides({"frequency.tolerance": 1e-3})
+    found = frequency_response(lambda settings: Plain("x_cmd", "x", "v"), coarse, omega=300.0)
     s = 300j
-    assert -response.x[0] == pytest.approx(900 / (s**2 + 60 * s + 900), rel=0.02)
+    assert found.response[0] == pytest.approx(900 / (s**2 + 60 * s + 900), rel=0.02)
 
 
 @pytest.mark.parametrize(
@@ -236,9 +281,7 @@ def test_ports_that_do_not_fit_are_named(controller, words):
 def test_an_unstable_controller_of_ones_own_is_named_with_its_pole():
     module = own_controllers()
     with pytest.raises(SimulationError, match=r"'pid' is unstable: pole at s = "):
-        frequency.compare({"pid": lambda settings: module.Pid(900.0, 60_000.0, 60.0, settings.step)}, PAPER)
-    with pytest.raises(InputError, match="at least one"):
-        frequency.compare({}, PAPER)
+        frequency_response(lambda settings: module.Pid(900.0, 60_000.0, 60.0, settings.step), name="pid")
 
 
 def test_bands_are_interpolated_on_the_log_axis():

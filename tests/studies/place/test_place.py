@@ -1,6 +1,7 @@
 """`flipdiagram place` end to end, and how a placement is judged."""
 
 import json
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -8,10 +9,12 @@ import synthetic
 from ideal import IDEAL
 
 from flipdiagram.cli import main as cli
+from flipdiagram.errors import InputError
 from flipdiagram.planning.placing import Placer
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.simulation.recording_files import load_recording
 from flipdiagram.studies.place import run as place
+from flipdiagram.studies.place.run import Placement
 from flipdiagram.theory.contact import ContactState
 
 
@@ -45,6 +48,21 @@ def test_the_recording_tells_stick_slide_and_release(out):
     sliding = (time > plan["slide_begins_s"] + 0.02) & (time < plan["slide_begins_s"] + 0.15)
     assert np.mean(states[sliding] != ContactState.STICK) > 0.8
     assert states[-1] == ContactState.RELEASE
+
+
+def test_a_placement_shows_its_verdict_and_path(out, plan):
+    runs = json.loads((out / "summary.json").read_text())["runs"]
+    laid, failed = (
+        Placement(load_recording(out / run["recording"]), plan, run)
+        for run in sorted(runs, key=lambda run: not run["success"])
+    )
+    assert laid.success and repr(laid) == "Placement(pd+ff+dob: laid down)"
+    assert repr(failed) == f"Placement(pd: {failed.verdict['failure']})" and not failed.success
+    assert laid.recording.attrs["study"] == "place" and laid.recording.attrs["success"] == 1
+    root = ElementTree.fromstring(laid._repr_html_())
+    assert len(list(root.iter("polyline"))) == 3 and "touchdown_speed_m_s" in {cell.text for cell in root.iter("td")}
+    with pytest.raises(InputError, match="unknown architecture 'pid'"):
+        place.place(architecture="pid")
 
 
 def test_pictures_and_replay_are_written(out):

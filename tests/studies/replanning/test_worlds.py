@@ -8,7 +8,7 @@ import pytest
 from flipdiagram.campaign.statistics import mcnemar
 from flipdiagram.flips.outcome import Outcome
 from flipdiagram.simulation.metrics import FlipMetrics
-from flipdiagram.studies.replanning.worlds import compare
+from flipdiagram.studies.replanning.worlds import against_first
 
 
 def outcome(success, cost=0.0, error=0.0):
@@ -25,7 +25,7 @@ def test_worlds_are_compared_in_pairs_where_both_succeed():
     once = [*(outcome(True, cost, 0.01) for cost in costs), outcome(False), outcome(False)]
     gained = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
     again = [*(outcome(True, a - b, 0.01) for a, b in zip(costs, gained, strict=True)), outcome(True), outcome(False)]
-    found = compare(again, once)
+    found = against_first(again, once)
     assert found["success"]["first_only"] == 1 and found["success"]["second_only"] == 0
     assert found["success"]["p"] == mcnemar(1, 0) == 1.0
     assert found["landing_cost_J"] == {
@@ -37,5 +37,5 @@ def test_worlds_are_compared_in_pairs_where_both_succeed():
 
 
 def test_without_a_pair_there_is_no_difference():
-    found = compare([outcome(True)], [outcome(False)])
+    found = against_first([outcome(True)], [outcome(False)])
     assert found["landing_cost_J"] == {"pairs": 0, "median_difference": None, "p": 1.0}
