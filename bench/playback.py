@@ -60,7 +60,7 @@ def torques_alone(loop: Loop, run: Run) -> Stepped:
     held = PiecewisePolynomial.ZeroOrderHold(breaks, np.hstack([tau, tau[:, -1:]]))
     builder = DiagramBuilder()
     source = builder.AddNamedSystem("torques", TrajectorySource(held))
-    cell = ENGINES[loop.scenario.simulation.engine](builder, loop.scenario, loop.arm, loop.q_start)
+    cell = ENGINES[loop.scenario.simulation.engine](builder, loop.scenario, loop.arm, loop.q_start, None)
     builder.Connect(source.get_output_port(), cell.tau)
     diagram = builder.Build()
 

@@ -68,7 +68,7 @@ def test_every_public_module_has_a_page_that_others_link_to(reference):
         ("blocks/observer", "w[k+1] = e^(-g T) w[k] + (1 - e^(-g T)) (tau[k] + g M_n qd[k])"),
         (
             "blocks/observer",
-            "DisturbanceObserver( g_dis: ArrayLike, inertia: ArrayLike, period: float, offset: float = 0.0)",
+            "DisturbanceObserver( g_dis: ArrayLike, inertia: ArrayLike, period: float, offset: float = 0.0, initial: ArrayLike = 0.0)",
         ),
         ("blocks/inverse_jacobian", "qdd_ref = J_t^-1 (a_ref - Jdot_t qd)"),
         ("diagrams/controller", "The four architectures differ by which boxes are present"),

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flipdiagram.arrays import Array
-from flipdiagram.blocks._checks import nominal_inertia, times_inertia
+from flipdiagram.blocks._checks import channels, nominal_inertia, times_inertia
 from flipdiagram.blocks.block import Block, convertible
 
 
@@ -41,16 +41,19 @@ class DisturbanceObserver(Block):
 
     `g_dis` [rad/s], one number per channel, and `inertia` M_n [kg m^2] (or [kg]), shape (n,) for a
     diagonal or (n, n), are numeric parameters of the Context. M_n is the observer's own: it may differ
-    from the one that makes tau_ref. The state w = 0 [N m] is the observer at rest.
+    from the one that makes tau_ref. The state w starts at `initial` [N m], by default 0: the observer at rest.
     Inputs `tau` [N m], `qd` [rad/s], output `tau_dis` [N m]: shape (n,).
     """
 
-    def __init__(self, g_dis: ArrayLike, inertia: ArrayLike, period: float, offset: float = 0.0) -> None:
+    def __init__(
+        self, g_dis: ArrayLike, inertia: ArrayLike, period: float, offset: float = 0.0, initial: ArrayLike = 0.0
+    ) -> None:
         n = len(nominal_inertia("inertia", inertia))
         self.parameter("g_dis", g_dis, n)
         self.parameter("inertia", inertia, check=nominal_inertia)
         self.input("tau", n)
         self.input("qd", n)
-        self.state("w", n)
+        self.initial = channels("initial", initial, n, minimum=-np.inf)
+        self.state("w", self.initial)
         self.update(next_observer_state, period, offset)
         self.output("tau_dis", n, disturbance_estimate)

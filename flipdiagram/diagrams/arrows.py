@@ -63,6 +63,10 @@ class Arrows:
         if target not in self._own or target.HasInputPort(port or signal):
             self._connect(signal, start, target.GetInputPort(port or signal))
 
+    def has(self, signal: str) -> bool:
+        """Whether the figure has a signal."""
+        return signal in self._sources
+
     def source(self, signal: str) -> OutputPort:
         """The port from which a signal of the figure comes that a box makes."""
         start = self._sources[signal]

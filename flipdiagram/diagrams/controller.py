@@ -10,7 +10,7 @@ of the paper's text; this is its reconstruction from section II-C.
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, OutputPort
@@ -52,21 +52,17 @@ class ControllerBoxes:
     disturbance_observer: LeafSystem | None = None
     gravity_compensation: LeafSystem | None = None
     """Not in the paper's figure: present only where the scenario asks for it."""
-    tau_cmd: OutputPort | None = None
-    """What leads to `torque_limit`."""
+    signals: Mapping[str, OutputPort] = field(default_factory=dict)
+    """Where each signal that a box or a sum makes comes from."""
 
     @property
     def systems(self) -> dict[str, LeafSystem]:
         """The boxes that there are, by name."""
-        return {name: box for name, box in vars(self).items() if box is not None and name != "tau_cmd"}
+        return {name: box for name, box in vars(self).items() if box is not None and name != "signals"}
 
     def output(self, signal: str) -> OutputPort | None:
-        """The port of a signal of the figure: tau, tau_cmd, tau_dis, x, v; None where the architecture lacks it."""
-        if signal == "tau_cmd":
-            return self.tau_cmd
-        senders = {"tau": self.torque_limit, "tau_dis": self.disturbance_observer}
-        box = senders.get(signal, self.tool_kinematics)
-        return None if box is None else box.GetOutputPort(signal)
+        """The port of a signal of the figure, such as tau, tau_cmd, x; None where the architecture lacks it."""
+        return self.signals.get(signal)
 
 
 def check_architecture(architecture: str) -> str:
@@ -124,13 +120,15 @@ def add_controller(
     inputs: Mapping[str, OutputPort | int],
     offset: float = 0.0,
     replace: Mapping[str, Box] | None = None,
+    tau_dis: Floats | float = 0.0,
 ) -> ControllerBoxes:
     """Add what `build_controller` builds, flat: Drake evaluates a sub-diagram at twice the cost.
 
     Beside its arguments: q_start (n,) [rad], where M_n is taken if the scenario gives none; inputs, the figure's by
-    name, ports or sizes of inputs of the diagram (see `Arrows`); offset [s], that of the sampled boxes.
+    name, ports or sizes of inputs of the diagram (see `Arrows`); offset [s], that of the sampled boxes; tau_dis (n,)
+    [N m], what our observer's state is in the default context.
     """
-    ours = _boxes(scenario, architecture, arm, nominal_inertia(scenario, arm, q_start), offset)
+    ours = _boxes(scenario, architecture, arm, nominal_inertia(scenario, arm, q_start), offset, tau_dis)
     placed = with_replaced(ours, replace or {}, SIGNALS, architecture)
     named = {name: builder.AddNamedSystem(name, system) for name, system in placed.items()}
     ports = [box.get_output_port(i) for box in named.values() for i in range(box.num_output_ports())]
@@ -139,7 +137,10 @@ def add_controller(
     arrow = Arrows(builder, inputs, own, {port.get_name(): port for port in ports})
     draw_figure_4(arrow, boxes, arm.n_joints)
     arrow.complete()
-    return dataclasses.replace(boxes, tau_cmd=arrow.source("tau_cmd"))
+    signals = {name: arrow.source(name) for name in SIGNALS if name not in inputs and arrow.has(name)}
+    of_box = {"tau": boxes.torque_limit, "x": boxes.tool_kinematics, "v": boxes.tool_kinematics}
+    signals |= {name: box.GetOutputPort(name) for name, box in of_box.items()}
+    return dataclasses.replace(boxes, signals=signals)
 
 
 def draw_figure_4(arrow: Arrows, box: ControllerBoxes, n: int) -> None:
@@ -190,7 +191,7 @@ def draw_figure_4(arrow: Arrows, box: ControllerBoxes, n: int) -> None:
 
 
 def _boxes(
-    scenario: Scenario, architecture: str, arm: ArmModel, inertia: Floats, offset: float
+    scenario: Scenario, architecture: str, arm: ArmModel, inertia: Floats, offset: float, tau_dis: Floats | float
 ) -> dict[str, LeafSystem]:
     """Our boxes of an architecture by their names in the figure."""
     parts = check_architecture(architecture).split("+")
@@ -206,7 +207,7 @@ def _boxes(
         boxes["feedforward"] = AccelerationFeedforward(CHANNELS)
     if "dob" in parts:
         g_dis = np.full(n, settings.g_dis)
-        boxes["disturbance_observer"] = DisturbanceObserver(g_dis, inertia, settings.period, offset)
+        boxes["disturbance_observer"] = DisturbanceObserver(g_dis, inertia, settings.period, offset, tau_dis)
     if settings.gravity_compensation > 0:
         boxes["gravity_compensation"] = GravityCompensation(arm, settings.gravity_compensation, n)
     return boxes

@@ -30,14 +30,27 @@ class Drive:
             if size := own.num_total_states():
                 own.SetDiscreteState(np.tile(tau, size // len(tau)))
 
-    def ripple(self, q: Floats) -> Floats:
-        """What the drives at rest add at angles q (n,) [rad] of their joints."""
-        box = self.boxes.get("torque_ripple")
-        return np.zeros_like(q) if box is None else rippled_torque(np.zeros_like(q), q, box.amplitude, box.cycles)
+
+def ripple_at_rest(scenario: Scenario, arm: ArmModel, q: Floats) -> Floats:
+    """Torques (n,) [N m] that a scenario's drives at rest add at angles q (n,) [rad] of their joints."""
+    rest = np.zeros_like(q)
+    return rippled_torque(rest, q, *_ripple(scenario, arm)) if scenario.drive.ripple > 0 else rest
+
+
+def _ripple(scenario: Scenario, arm: ArmModel) -> tuple[Floats, Floats]:
+    """Amplitude [N m] and cycles [1] (n,); raises InputError where nobody gives the gear ratios."""
+    settings = scenario.drive
+    return settings.ripple * arm.tau_rated, settings.ripple_cycles * arm.gear_ratios("drive.ripple")
 
 
 def add_drive(
-    builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, tau: OutputPort, q: OutputPort, offset: float
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    arm: ArmModel,
+    tau: OutputPort,
+    q: OutputPort,
+    offset: float,
+    sent: Floats | float = 0.0,
 ) -> Drive:
     """Add the drives of a scenario behind the torque tau of the controller; by default there is nothing to add.
 
@@ -48,6 +61,7 @@ def add_drive(
         tau: what the controller sends (n,) [N m].
         q: true angles (n,) [rad] on the motors' side.
         offset: of the sampled boxes [s].
+        sent: the torque (n,) [N m] that a delay holds in the default context.
 
     Raises InputError where the ripple needs gear ratios that nobody gives.
     """
@@ -64,10 +78,9 @@ def add_drive(
         drive.sent = drive.tau
         offset -= scenario.simulation.step / 4  # before the hold takes the next, so that its last is one period old
     if periods := settings.delay_periods(period):
-        through(Delay(arm.n_joints, periods, period, offset), "torque_delay")
+        through(Delay(arm.n_joints, periods, period, offset, sent), "torque_delay")
     if settings.ripple > 0:
-        cycles = settings.ripple_cycles * arm.gear_ratios("drive.ripple")
-        ripple = TorqueRipple(settings.ripple * arm.tau_rated, cycles)
+        ripple = TorqueRipple(*_ripple(scenario, arm))
         through(ripple, "torque_ripple")
         builder.Connect(q, ripple.GetInputPort("q"))
     return drive

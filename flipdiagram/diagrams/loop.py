@@ -10,21 +10,24 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSyst
 from pydrake.systems.primitives import VectorLogSink
 
 from flipdiagram.arrays import Floats
-from flipdiagram.blocks.camera import Camera
-from flipdiagram.blocks.mpc import COMMANDS, ModelPredictiveController
-from flipdiagram.blocks.receding_horizon import RecedingHorizonController, Timing
+from flipdiagram.blocks.mpc import CHANNELS, COMMANDS, ModelPredictiveController
+from flipdiagram.blocks.receding_horizon import RecedingHorizonController
 from flipdiagram.diagrams.controller import ControllerBoxes, add_controller
-from flipdiagram.diagrams.drive import Drive, add_drive
+from flipdiagram.diagrams.drive import Drive, add_drive, ripple_at_rest
 from flipdiagram.diagrams.equilibrium import Equilibrium, equilibrium, no_equilibrium
+from flipdiagram.diagrams.horizon import close_horizon, mpc_of
 from flipdiagram.diagrams.native_controller import NativeController, add_native_controller
+from flipdiagram.diagrams.ports import export_ports
 from flipdiagram.diagrams.replacement import Box, build_diagram
+from flipdiagram.diagrams.rest import Resting
 from flipdiagram.diagrams.sensing import Sensing, add_sensing
-from flipdiagram.diagrams.start import Start, start_of
+from flipdiagram.diagrams.start import start_of
+from flipdiagram.errors import InputError
 from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.planner import Planner
 from flipdiagram.planning.replanner import Replanner, Replanning
 from flipdiagram.plants.cell import add_cell
-from flipdiagram.plants.handle import Cell
+from flipdiagram.plants.handle import Cell, Rest
 from flipdiagram.plants.mujoco_cell import add_mujoco_cell
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.native_arm import native_arm
@@ -32,7 +35,7 @@ from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import Scenario
 
 Controller = ControllerBoxes | NativeController
-ENGINES: dict[str, Callable[[DiagramBuilder, Scenario, ArmModel, Floats], Cell]] = {
+ENGINES: dict[str, Callable[[DiagramBuilder, Scenario, ArmModel, Floats, Rest | None], Cell]] = {
     "drake": add_cell,
     "mujoco": add_mujoco_cell,
 }
@@ -45,13 +48,17 @@ REPLANNING = ("solve_time", "iterations", "status", "cone_margin", "replanned", 
 
 @dataclass(frozen=True)
 class Loop:
-    """The closed loop and handles to its boxes; `context()` starts a run as the scenario's `simulation.start` says."""
+    """The closed loop and handles to its boxes; `context()` starts a run as the scenario's `simulation.start` says.
+
+    `diagram` has the figure's signals as output ports, see `ports.export_ports`, and may stand in a larger one.
+    """
 
     diagram: Diagram
     scenario: Scenario
     architecture: str
     arm: ArmModel
-    mpc: ModelPredictiveController
+    mpc: ModelPredictiveController | None
+    """None where the commands come from outside."""
     sensing: Sensing
     drive: Drive
     boxes: Controller
@@ -62,6 +69,13 @@ class Loop:
     """Sinks by signal name, where the loop was built with `record`."""
     replaced: tuple[str, ...] = ()
     """Boxes that are of the user's own."""
+    rest: Equilibrium | None = None
+    """The equilibrium of the default context, where that stands at one."""
+
+    @property
+    def ports(self) -> tuple[str, ...]:
+        """Ports of the diagram that the figure shows too."""
+        return COMMANDS if self.mpc is None else ()
 
     @property
     def groups(self) -> dict[str, tuple[str, ...]]:
@@ -71,9 +85,14 @@ class Loop:
     @cached_property
     def equilibrium(self) -> Equilibrium:
         """Where an endless hold of the start pose ends; raises NoEquilibriumError where it ends nowhere."""
-        context = self.diagram.CreateDefaultContext()
-        self.sensing.without_error(context)
-        found = equilibrium(self.boxes.systems, self._tau, context, self._stand, self._holding_torque, self.q_start)
+        return self._equilibrium(self._root(None))
+
+    def _equilibrium(self, context: Context) -> Equilibrium:
+        """The same in a root Context, which is changed."""
+        found = self.rest
+        if found is None:
+            self.sensing.without_error(context)
+            found = equilibrium(self.boxes.systems, self._tau, context, self._stand, self._holding_torque, self.q_start)
         weak = np.abs(self._holding_torque(found.q)) >= self.arm.tau_max * (1 - SATURATED)
         if weak.any():
             joint = int(np.argmax(weak))
@@ -85,20 +104,49 @@ class Loop:
             raise no_equilibrium("the table would carry the blade or the block")
         return found
 
-    def context(self, plan: Plan | None = None) -> Context:
-        """A fresh context: arm at rest, block on the blade; with `plan` the MPC need not solve.
+    def context(self, plan: Plan | None = None, root: Context | None = None) -> Context:
+        """A context to start a run from: arm at rest, block on the blade; with `plan` the MPC need not solve.
 
-        Raises NoEquilibriumError where the run shall start at an equilibrium and there is none.
+        Commands from outside hold the start pose until they are connected or fixed anew.
+
+        Args:
+            plan: the motion to follow.
+            root: the context of a larger diagram that holds `diagram`: the loop's part of it is set, nothing else.
+
+        Returns: `root`, or a fresh context of `diagram`.
+
+        Raises:
+            InputError: where `root` is no context of a diagram that holds the loop, or is left out and needed.
+            NoEquilibriumError: where the run shall start at an equilibrium and there is none.
         """
-        context = self.diagram.CreateDefaultContext()
+        context = self._root(root)
+        if plan is not None and self.mpc is None:
+            raise InputError.of("plan", plan, "None", "a loop with external commands follows no plan")
         if self.scenario.simulation.start == "equilibrium":
-            self._stand(context, self.equilibrium.q)
-            self.equilibrium.put(self.boxes.systems, context)
+            found = self.equilibrium if root is None else self._equilibrium(root.Clone())
+            self._stand(context, found.q)
+            found.put(self.boxes.systems, context)
             self.drive.have_sent(context, self._tau.Eval(self._tau.get_system().GetMyContextFromRoot(context)))
         elif self.cell.parts.gears is not None:
             self._stand(context, self.q_start)  # brakes hold the rotors: the gears carry the arm already
-        if plan is not None:
+        if plan is not None and self.mpc is not None:
             self.mpc.set_plan(self.mpc.GetMyMutableContextFromRoot(context), plan)
+        return context
+
+    def _root(self, root: Context | None) -> Context:
+        context = self.diagram.CreateDefaultContext() if root is None else root
+        try:
+            self._tau.get_system().GetMyContextFromRoot(context)
+        except (RuntimeError, TypeError):
+            problem = "root is no context of the diagram that the loop is part of"
+            if root is None:
+                problem = "the loop is part of a larger diagram, whose context it needs"
+            valid = "loop.context(root=diagram.CreateDefaultContext()) with the outermost diagram"
+            raise InputError.of("root", root, valid, problem) from None
+        if root is None and self.mpc is None:
+            still = {"x_cmd": self.arm.task_position(self.q_start), "v_cmd": np.zeros(6), "a_cmd": np.zeros(6)}
+            for name, value in still.items():
+                self.diagram.GetInputPort(name).FixValue(context, value)
         return context
 
     @property
@@ -108,7 +156,7 @@ class Loop:
         return tau
 
     def _holding_torque(self, q: Floats) -> Floats:
-        return self.cell.holding_torque(q) - self.drive.ripple(q)
+        return self.cell.holding_torque(q) - ripple_at_rest(self.scenario, self.arm, q)
 
     def _stand(self, context: Context, q: Floats) -> None:
         self.cell.stand(context, q)
@@ -124,8 +172,12 @@ def build_loop(
     meshcat: Meshcat | None = None,
     native: bool = False,
     replanner: Callable[[], Replanning] | None = None,
+    external_commands: bool = False,
 ) -> Loop:
     """Wire MPC, controller, sensors and cell of a scenario into one diagram, boxes named as in Fig. 4.
+
+    Its default context, and so `Simulator(loop.diagram)`, starts where the arm rests, if the scenario starts at an
+    equilibrium and the boxes are all ours, not native; any other loop starts from `Loop.context`.
 
     Args:
         scenario: what is simulated.
@@ -137,9 +189,11 @@ def build_loop(
         native: the controller as one box that computes the same, to rounding, in a fraction of the time; its boxes are
             then none of the diagram's.  Not with boxes of the user's own.
         replanner: what makes that by which an MPC plans again, by default a `Replanner` of the scenario.
+        external_commands: no MPC; `x_cmd`, `v_cmd`, `a_cmd` are input ports of the diagram.
 
     Raises:
-        InputError: for an unknown architecture, a bad number or a box that does not fit.
+        InputError: for an unknown architecture, a bad number, a box that does not fit, or external commands where
+            something needs the MPC: a recording, planning again.
         PlanningError: where the arm cannot be at the start pose.
     """
     native = native and not replace
@@ -155,32 +209,51 @@ def build_loop(
     def motion_again() -> Replanning:
         return Replanner(scenario, arm)
 
-    builder = DiagramBuilder()
-    mpc = builder.AddNamedSystem(
-        "mpc", _mpc(scenario, architecture, start, planner or motion.plan, replanner or motion_again)
-    )
-    cell = ENGINES[scenario.simulation.engine](builder, scenario, arm, start.q)
-    seen = add_sensing(builder, scenario, arm, cell.q, cell.qd, start.q, offset)
-    signals = {**{name: mpc.GetOutputPort(name) for name in COMMANDS}, "q": seen.q, "qd": seen.qd}
+    builder, mpc = DiagramBuilder(), None
+    commands: dict[str, OutputPort | int] = dict.fromkeys(COMMANDS, CHANNELS)
+    if external_commands:
+        _check_external(scenario, record, native)
+    else:
+        planning = mpc_of(scenario, architecture, start, planner or motion.plan, replanner or motion_again)
+        mpc = builder.AddNamedSystem("mpc", planning)
+        commands |= {name: mpc.GetOutputPort(name) for name in COMMANDS}
+    resting = Resting(scenario, architecture, arm, start)
+    stands = scenario.simulation.start == "equilibrium" and not (native or replace)
+    cell = ENGINES[scenario.simulation.engine](builder, scenario, arm, start.q, resting.at_rest if stands else None)
+    seen = add_sensing(builder, scenario, arm, cell.q, cell.qd, resting.q, offset)
+    signals = {**commands, "q": seen.q, "qd": seen.qd}
     boxes: Controller
     if native:
         boxes = add_native_controller(builder, scenario, architecture, arm, start.q, signals, offset)
     else:
-        boxes = add_controller(builder, scenario, architecture, arm, start.q, signals, offset, replace)
+        boxes = add_controller(
+            builder, scenario, architecture, arm, start.q, signals, offset, replace, resting.observed
+        )
     if isinstance(mpc, RecedingHorizonController):
-        _close_horizon(builder, scenario, mpc, cell, boxes, seen.q)
+        close_horizon(builder, scenario, mpc, cell, boxes, seen.q)
     tau = boxes.output("tau")
-    drive = add_drive(builder, scenario, arm, tau, cell.q, offset)
+    drive = add_drive(builder, scenario, arm, tau, cell.q, offset, resting.tau)
     builder.Connect(drive.tau, cell.tau)
 
-    logs = _record(builder, mpc, boxes, cell, seen, drive.sent, period) if record else {}
+    logs = _record(builder, mpc, boxes, cell, seen, drive.sent, period) if record and mpc is not None else {}
     if meshcat is not None:
         cell.show(builder, meshcat)
+    export_ports(builder, {**signals, **boxes.signals}, cell)
     diagram = build_diagram(builder, replace)
     diagram.set_name(architecture)
+    own = tuple(replace or ())
     return Loop(
-        diagram, scenario, architecture, arm, mpc, seen, drive, boxes, cell, start.q, logs, tuple(replace or ())
+        diagram, scenario, architecture, arm, mpc, seen, drive, boxes, cell, start.q, logs, own, resting.equilibrium
     )
+
+
+def _check_external(scenario: Scenario, record: bool, native: bool) -> None:
+    needs = {"record": record, "native": native, "planner.replan_period": scenario.planner.replan_period is not None}
+    for name, needed in needs.items():
+        if needed:
+            raise InputError.of(
+                "external_commands", True, "False", f"{name} needs the MPC, not external_commands = True"
+            )
 
 
 def _record(
@@ -206,61 +279,3 @@ def _record(
         logs[name] = builder.AddNamedSystem(f"log_{name}", VectorLogSink(port.size(), period))
         builder.Connect(port, logs[name].get_input_port())
     return logs
-
-
-def _mpc(
-    scenario: Scenario,
-    architecture: str,
-    start: Start,
-    planner: Callable[[], Plan],
-    replanner: Callable[[], Replanning],
-) -> ModelPredictiveController:
-    """The MPC of the scenario: it plans once, or again and again."""
-    settings, start_time = scenario.planner, scenario.simulation.lead_time
-    if settings.replan_period is None:
-        off = scenario.disturbance.start_error != 0
-        return ModelPredictiveController(planner, start.pose, start_time, stand=off)
-    timing = Timing(
-        settings.replan_period, settings.compute_delay, scenario.controller.period / 4, settings.replan_deadline
-    )
-    again = replanner()
-    return RecedingHorizonController(
-        planner,
-        again.replan,
-        start.pose,
-        timing,
-        joints=len(start.q),
-        gains=(scenario.controller.k_p, scenario.controller.k_v),
-        start_time=start_time,
-        # without feed-forward the error of the tool is what accelerates it: a plan from the tool would take it away
-        measured=settings.replan_from == "measured" and "ff" in architecture.split("+"),
-        fewest=again.fewest,
-    )
-
-
-def _close_horizon(
-    builder: DiagramBuilder,
-    scenario: Scenario,
-    mpc: RecedingHorizonController,
-    cell: Cell,
-    boxes: Controller,
-    q: OutputPort,
-) -> None:
-    """What a replanning MPC measures: the tool, the joints and, where there is a camera, the object on the blade."""
-    for name in ("x", "v"):
-        builder.Connect(boxes.output(name), mpc.GetInputPort(name))
-    builder.Connect(q, mpc.GetInputPort("q"))
-    sensors = scenario.sensors
-    if sensors.camera_period is not None:
-        camera = Camera(
-            cell.parts.arm.tool,
-            cell.parts.block,
-            sensors.camera_period,
-            sensors.camera_delay,
-            sensors.camera_noise,
-            sensors.camera_seed,
-            offset=scenario.controller.period / 2,
-        )
-        builder.AddNamedSystem("camera", camera)
-        builder.Connect(cell.poses, camera.get_input_port())
-        builder.Connect(camera.get_output_port(), mpc.GetInputPort("shift"))

@@ -19,6 +19,11 @@ class NativeController:
     box: Fused
 
     @property
+    def signals(self) -> dict[str, OutputPort]:
+        """Where each signal that it has a port for comes from."""
+        return {port.get_name(): port for port in map(self.box.get_output_port, range(self.box.num_output_ports()))}
+
+    @property
     def systems(self) -> dict[str, LeafSystem]:
         """The one box by its name."""
         return {"controller": self.box}

@@ -30,6 +30,10 @@ class HasDiagram(Protocol):
     def groups(self) -> Mapping[str, Collection[str]]:
         """Names of its systems that are drawn as one box, by the name of the box."""
 
+    @property
+    def ports(self) -> Collection[str]:
+        """Names of the diagram's ports that are drawn: a figure need not show all by which it can be connected."""
+
 
 @dataclass(frozen=True)
 class Drawing:
@@ -65,7 +69,7 @@ class Drawing:
         Ports that nothing is connected to are left out, unless `unconnected`: a MultibodyPlant has dozens.
         """
         systems = (pair for box in self.graph.boxes for pair in box.systems)
-        return rates_of(self.graph.diagram, systems, unconnected)
+        return rates_of(self.graph.diagram, systems, unconnected, self.graph.ports)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the figure by the suffix of `path`: .dot, .svg, .png, .mmd (Mermaid) or .md (Mermaid and table).
@@ -124,12 +128,13 @@ def draw(
     Raises:
         InputError: for a depth that is no whole number >= 0, groups that do not fit, or what is no Diagram.
     """
+    ports: Collection[str] | None = None
     if not isinstance(diagram, Diagram):
         if not hasattr(diagram, "diagram"):
             problem = f"cannot draw a {type(diagram).__name__}"
             raise InputError.of("diagram", diagram, "a Drake Diagram or a Loop", problem)
-        groups = diagram.groups if groups is None else groups
+        groups, ports = diagram.groups if groups is None else groups, diagram.ports
         diagram = diagram.diagram
-    graph = read_graph(diagram, depth=depth, groups=groups, taps=taps)
+    graph = read_graph(diagram, depth=depth, groups=groups, taps=taps, ports=ports)
     style = styled_by_rate(graph.boxes) if rates else Style()
     return Drawing(graph, lines(graph, feedback), style, title)

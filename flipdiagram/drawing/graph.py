@@ -55,6 +55,8 @@ class Graph:
     open_paths: tuple[Names, ...]
     """Sub-diagrams and groups that are drawn open, outermost first."""
     diagram: Diagram
+    ports: Collection[str] | None = None
+    """Names of the diagram's ports that were read; None: all."""
 
 
 @dataclass(frozen=True)
@@ -67,12 +69,20 @@ class _End:
 
 
 def read_graph(
-    diagram: Diagram, *, depth: int = 0, groups: Mapping[str, Collection[str]] | None = None, taps: bool = False
+    diagram: Diagram,
+    *,
+    depth: int = 0,
+    groups: Mapping[str, Collection[str]] | None = None,
+    taps: bool = False,
+    ports: Collection[str] | None = None,
 ) -> Graph:
-    """Boxes and arrows of a diagram; see `flipdiagram.drawing.draw` for the arguments and the errors."""
+    """Boxes and arrows of a diagram; see `flipdiagram.drawing.draw` for the arguments and the errors.
+
+    ports: names of the diagram's ports that are read, None for all.
+    """
     if isinstance(depth, bool) or not isinstance(depth, int) or depth < 0:
         raise InputError.of("depth", depth, "a whole number >= 0")
-    return _Reader(diagram, depth, groups or {}, taps).read()
+    return _Reader(diagram, depth, groups or {}, taps, ports).read()
 
 
 def full_name(path: Names) -> str:
@@ -115,8 +125,19 @@ def named_systems(diagram: Diagram) -> list[tuple[str, System]]:
 class _Reader:
     """One reading of a diagram: which path each system has, and which of the paths are shown."""
 
-    def __init__(self, diagram: Diagram, depth: int, groups: Mapping[str, Collection[str]], taps: bool) -> None:
-        self._diagram, self._depth, self._taps = diagram, depth, taps
+    def __init__(
+        self,
+        diagram: Diagram,
+        depth: int,
+        groups: Mapping[str, Collection[str]],
+        taps: bool,
+        ports: Collection[str] | None,
+    ) -> None:
+        self._diagram, self._depth, self._taps, self._ports = diagram, depth, taps, ports
+        inputs = [diagram.get_input_port(i) for i in range(diagram.num_input_ports())]
+        outputs = [diagram.get_output_port(i) for i in range(diagram.num_output_ports())]
+        self._inputs = [port for port in inputs if ports is None or port.get_name() in ports]
+        self._outputs = [port for port in outputs if ports is None or port.get_name() in ports]
         self._group_of = _group_of(diagram, groups)
         self._paths: dict[System, Names] = {}
         self._boxes: dict[Names, Box] = {}
@@ -125,23 +146,21 @@ class _Reader:
 
     def read(self) -> Graph:
         self._add_boxes(self._diagram, ())
-        for i in range(self._diagram.num_input_ports()):
-            port = self._diagram.get_input_port(i)
+        for port in self._inputs:
             targets = self._targets(port)
             if targets:
                 source = self._add_terminal(port.get_name(), "input")
                 for target in targets:
                     self._add_arrow(_End(source, (), port.get_name()), target)
         self._connect(self._diagram)
-        closed_loop = self._diagram.num_input_ports() == 0
+        closed_loop = not self._inputs
         carried = {arrow.source_port for arrow in self._arrows}
-        for i in range(self._diagram.num_output_ports()):
-            port = self._diagram.get_output_port(i)
+        for port in self._outputs:
             end = self._source(port)
             if end is None or (closed_loop and not self._taps and end.port in carried):
                 continue
             self._add_arrow(end, _End(self._add_terminal(port.get_name(), "output"), (), port.get_name()))
-        return Graph(tuple(self._boxes.values()), tuple(self._arrows), tuple(self._open), self._diagram)
+        return Graph(tuple(self._boxes.values()), tuple(self._arrows), tuple(self._open), self._diagram, self._ports)
 
     def _add_boxes(self, diagram: Diagram, above: Names) -> None:
         for name, system in named_systems(diagram):

@@ -1,7 +1,7 @@
 """Sample times, ports and direct feed-through of the systems of a drawing, as a table."""
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from pydrake.systems.framework import Diagram, InputPort, OutputPort, PortDataType, System
@@ -99,9 +99,11 @@ def timing_of(system: System) -> Timing:
     return Timing(_KINDS.index("events" if stateful else "direct"), 0.0, 0.0)
 
 
-def rates_of(diagram: Diagram, systems: Iterable[tuple[Names, System]], unconnected: bool) -> RateTable:
+def rates_of(
+    diagram: Diagram, systems: Iterable[tuple[Names, System]], unconnected: bool, ports: Collection[str] | None = None
+) -> RateTable:
     """The rows of some leaf systems of a diagram, with the ports that something is connected to or with all."""
-    everything = read_graph(diagram, depth=sys.maxsize, taps=True)
+    everything = read_graph(diagram, depth=sys.maxsize, taps=True, ports=ports)
     names = {system: full_name(path) for box in everything.boxes for path, system in box.systems}
     sources, targets = ({getattr(arrow, end) for arrow in everything.arrows} for end in ("source_port", "target_port"))
     rows = []
@@ -117,8 +119,8 @@ def rates_of(diagram: Diagram, systems: Iterable[tuple[Names, System]], unconnec
             for i in ins
             if system.HasDirectFeedthrough(int(i.get_index()), int(o.get_index()))
         )
-        ports = tuple(map(_port, ins)), tuple(map(_port, outs))
-        rows.append(Rate(full_name(path), class_of(system), timing_of(system), *ports, through))
+        both = tuple(map(_port, ins)), tuple(map(_port, outs))
+        rows.append(Rate(full_name(path), class_of(system), timing_of(system), *both, through))
     return RateTable(rows)
 
 

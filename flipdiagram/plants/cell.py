@@ -13,7 +13,7 @@ from pydrake.systems.primitives import Adder, Demultiplexer
 
 from flipdiagram.arrays import Floats
 from flipdiagram.blocks.block import Block
-from flipdiagram.plants.handle import Cell, add_joint_torque, add_model, add_push
+from flipdiagram.plants.handle import Cell, Rest, add_joint_torque, add_model, add_push, block_on_blade, rest_by_default
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.parts import Parts
 from flipdiagram.scenario.scenario import Scenario
@@ -27,7 +27,7 @@ class DrakeCell(Cell):
 
     def stand(self, context: Context, q: Floats) -> None:
         """See `Cell`."""
-        plant, X_TB = self.plant, self._block_on_blade
+        plant, X_TB = self.plant, self.X_TB
         context = plant.GetMyMutableContextFromRoot(context)
         self.put_arm(context, q)
         plant.SetVelocities(context, np.zeros(plant.num_velocities()))
@@ -87,7 +87,9 @@ class ContactForces(Block):
                 wrench[9:] += sign * (couple + np.array([y * fz - z * fy, z * fx - x * fz, x * fy - y * fx]))
 
 
-def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start: Floats | None = None) -> DrakeCell:
+def add_cell(
+    builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start: Floats | None = None, rest: Rest | None = None
+) -> DrakeCell:
     """Add the cell to a diagram, at rest with the block on the blade at the start of the task, level there.
 
     Args:
@@ -95,6 +97,7 @@ def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start
         scenario: what the cell is made of.
         arm: the controller's model of the same arm, for rated torques and inertia.
         q_start: joint angles (n,) [rad] of the default context; by default those of the arm's files.
+        rest: by which the default context is where the arm rests instead, see `handle.Rest`.
 
     Raises:
         InputError: where the joint friction's transition velocity is too small for the step.
@@ -110,6 +113,9 @@ def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start
     )
     plant, scene_graph = AddMultibodyPlant(config, builder)
     parts = add_model(plant, scenario, q_start)
+    X_TB = block_on_blade(plant, parts)
+    if rest is not None:
+        rest_by_default(plant, parts, X_TB, rest)
     state = builder.AddNamedSystem("joint_state", Demultiplexer([arm.n_joints] * 2))
     contact = builder.AddNamedSystem("contact_forces", ContactForces(plant, parts))
     builder.Connect(plant.get_state_output_port(parts.arm.arm), state.get_input_port())
@@ -125,6 +131,7 @@ def add_cell(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start
     return DrakeCell(
         plant,
         parts,
+        X_TB,
         tau=torque.get_input_port(0),
         q=state.get_output_port(0),
         qd=state.get_output_port(1),

@@ -1,6 +1,7 @@
 """What a cell offers, whichever engine moves it: its ports, its start, and what both engines have before them."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,6 +23,9 @@ from flipdiagram.scenario.scenario import Scenario
 
 MOST_TRIES, SETTLED = 100, 1e-14
 """To find how far gears give way at rest; change [rad] below which it is found."""
+Rest = Callable[[Callable[[Floats], Floats]], Floats | None]
+"""Of the torques (n,) [N m] that hold the arm still at q (n,) [rad]: the q where it rests at the start, None where the
+default context shall be that of `q_start`."""
 CONTACT_PAIRS = ("blade-block", "table-block", "table-blade")
 """Who pushes whom in `contact_wrench`: the first on the second."""
 
@@ -33,6 +37,8 @@ class Cell(ABC):
     plant: MultibodyPlant
     """Drake's model of the parts; whether it stands in the diagram is the engine's choice."""
     parts: Parts
+    X_TB: RigidTransform
+    """Pose of the block's body in the tool's frame, as it lies on the blade."""
     tau: InputPort
     """Torques of the drives (n,) [N m]."""
     q: OutputPort
@@ -74,38 +80,64 @@ class Cell(ABC):
 
     def put_arm(self, context: Context, q: Floats) -> None:
         """Set the angles q (n,) [rad] of the joints in a Context of `plant`, gears deflected by the load at rest."""
-        plant, gears = self.plant, self.parts.gears
-        plant.SetPositions(context, self.parts.arm.arm, q)
-        if gears is None:
-            return
-        deflection = np.zeros(len(q))
-        for _ in range(MOST_TRIES):
-            plant.SetPositions(context, gears.model, deflection)
-            before, deflection = deflection, -self._load(context) / gears.stiffness
-            if np.abs(deflection - before).max() < SETTLED:
-                return
-        raise NoEquilibriumError("no equilibrium to start from: the gears give way; valid is a larger joints.stiffness")
+        put_arm(self.plant, self.parts, self.X_TB, context, q)
 
     def _load(self, context: Context) -> Floats:
-        """Torques (n,) [N m] that hold arm and block still as they stand in a Context of `plant`."""
-        plant, arm = self.plant, self.parts.arm
-        centre = self._block_on_blade @ self.parts.block.default_com()
-        world = plant.world_frame()
-        J = plant.CalcJacobianTranslationalVelocity(context, JacobianWrtVariable.kV, arm.tool, centre, world, world)
-        weight = self.parts.block.default_mass() * plant.gravity_field().gravity_vector()
-        torque = plant.CalcGravityGeneralizedForces(context) + J.T @ weight
-        return -np.asarray(plant.GetVelocitiesFromArray(arm.arm, torque), dtype=float)
+        return load(self.plant, self.parts, self.X_TB, context)
 
     @cached_property
     def _own_context(self) -> Context:
         return self.plant.CreateDefaultContext()
 
-    @cached_property
-    def _block_on_blade(self) -> RigidTransform:
-        """Pose of the block's body in the tool's frame, as in the default Context."""
-        context = self.plant.CreateDefaultContext()
-        X_WT = self.parts.arm.tool.CalcPoseInWorld(context)
-        return X_WT.inverse() @ self.plant.GetFreeBodyPose(context, self.parts.block)
+
+def block_on_blade(plant: MultibodyPlant, parts: Parts) -> RigidTransform:
+    """Pose X_TB of the block's body in the tool's frame, as in the default Context."""
+    context = plant.CreateDefaultContext()
+    X_WT = parts.arm.tool.CalcPoseInWorld(context)
+    return X_WT.inverse() @ plant.GetFreeBodyPose(context, parts.block)
+
+
+def load(plant: MultibodyPlant, parts: Parts, X_TB: RigidTransform, context: Context) -> Floats:
+    """Torques (n,) [N m] that hold arm and block still as they stand in a Context of the plant."""
+    arm, centre, world = parts.arm, X_TB @ parts.block.default_com(), plant.world_frame()
+    J = plant.CalcJacobianTranslationalVelocity(context, JacobianWrtVariable.kV, arm.tool, centre, world, world)
+    weight = parts.block.default_mass() * plant.gravity_field().gravity_vector()
+    torque = plant.CalcGravityGeneralizedForces(context) + J.T @ weight
+    return -np.asarray(plant.GetVelocitiesFromArray(arm.arm, torque), dtype=float)
+
+
+def put_arm(plant: MultibodyPlant, parts: Parts, X_TB: RigidTransform, context: Context, q: Floats) -> None:
+    """Set the angles q (n,) [rad] of the joints in a Context of the plant, gears deflected by the load at rest.
+
+    Raises NoEquilibriumError where gears give way without end.
+    """
+    gears = parts.gears
+    plant.SetPositions(context, parts.arm.arm, q)
+    if gears is None:
+        return
+    deflection = np.zeros(len(q))
+    for _ in range(MOST_TRIES):
+        plant.SetPositions(context, gears.model, deflection)
+        before, deflection = deflection, -load(plant, parts, X_TB, context) / gears.stiffness
+        if np.abs(deflection - before).max() < SETTLED:
+            return
+    raise NoEquilibriumError("no equilibrium to start from: the gears give way; valid is a larger joints.stiffness")
+
+
+def rest_by_default(plant: MultibodyPlant, parts: Parts, X_TB: RigidTransform, rest: Rest) -> None:
+    """Make default what a finalized plant is where the arm rests, the block on the blade."""
+    context = plant.CreateDefaultContext()
+
+    def holding_torque(q: Floats) -> Floats:
+        put_arm(plant, parts, X_TB, context, q)
+        return load(plant, parts, X_TB, context)
+
+    if (q := rest(holding_torque)) is None:
+        return
+    put_arm(plant, parts, X_TB, context, q)
+    for model in (parts.arm.arm, *([] if parts.gears is None else [parts.gears.model])):
+        plant.SetDefaultPositions(model, plant.GetPositions(context, model))
+    plant.SetDefaultFloatingBaseBodyPose(parts.block, parts.arm.tool.CalcPoseInWorld(context) @ X_TB)
 
 
 def add_model(plant: MultibodyPlant, scenario: Scenario, q_start: Floats | None = None) -> Parts:

@@ -18,7 +18,7 @@ from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 from flipdiagram.arrays import Floats
 from flipdiagram.blocks.block import Block
 from flipdiagram.errors import SimulationError
-from flipdiagram.plants.handle import Cell, add_joint_torque, add_model, add_push
+from flipdiagram.plants.handle import Cell, Rest, add_joint_torque, add_model, add_push, block_on_blade, rest_by_default
 from flipdiagram.plants.mujoco_contact import CELL, Settings, compiled, import_mujoco
 from flipdiagram.plants.mujoco_model import cell_model
 from flipdiagram.robot.arm import ArmModel
@@ -42,7 +42,7 @@ class MujocoCell(Cell):
         """See `Cell`."""
         own, gears = self._own_context, self.parts.gears
         self.put_arm(own, q)
-        X_WB = self.parts.arm.tool.CalcPoseInWorld(own) @ self._block_on_blade
+        X_WB = self.parts.arm.tool.CalcPoseInWorld(own) @ self.X_TB
         deflection = np.zeros(0) if gears is None else self.plant.GetPositions(own, gears.model)
         self.robot.put(self.robot.GetMyMutableContextFromRoot(context), q, X_WB, deflection)
 
@@ -115,8 +115,9 @@ class MujocoPlant(Block):
             self.input("applied", Value[list[ExternallyAppliedSpatialForce]]())
         context = plant.CreateDefaultContext()
         X_WB = plant.GetFreeBodyPose(context, parts.block)
-        q, straight = plant.GetPositions(context, parts.arm.arm), np.zeros(self._gears)
-        index = self.state("state", self._at_rest(q, X_WB, straight))
+        q, gears = plant.GetPositions(context, parts.arm.arm), parts.gears
+        deflection = np.zeros(0) if gears is None else plant.GetPositions(context, gears.model)
+        index = self.state("state", self._at_rest(q, X_WB, deflection))
         self.DeclareStateOutputPort("state", index)
         self.DeclareAbstractOutputPort(
             "poses", lambda: Value[list[RigidTransform]](), self._poses, {self.discrete_state_ticket(index)}
@@ -213,7 +214,7 @@ def _mean_wrench(sensed: Floats) -> Floats:
 
 
 def add_mujoco_cell(
-    builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start: Floats | None = None
+    builder: DiagramBuilder, scenario: Scenario, arm: ArmModel, q_start: Floats | None = None, rest: Rest | None = None
 ) -> MujocoCell:
     """Add the cell to a diagram, at rest with the block on the blade at the start of the task, level there.
 
@@ -222,6 +223,7 @@ def add_mujoco_cell(
         scenario: what the cell is made of.
         arm: the controller's model of the same arm, for rated torques and inertia.
         q_start: joint angles (n,) [rad] of the default context; by default those of the arm's files.
+        rest: by which the default context is where the arm rests instead, see `handle.Rest`.
 
     Raises:
         InputError: where MuJoCo is missing, cannot represent the cell, or the joint friction's transition velocity is
@@ -231,6 +233,9 @@ def add_mujoco_cell(
     plant, scene_graph = MultibodyPlant(step), SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     parts = add_model(plant, scenario, q_start)
+    X_TB = block_on_blade(plant, parts)
+    if rest is not None:
+        rest_by_default(plant, parts, X_TB, rest)
     n = arm.n_joints
     robot = MujocoPlant(plant, scene_graph, parts, arm.joint_names, step, CELL, pushed)
     builder.AddNamedSystem("robot", robot)
@@ -250,6 +255,7 @@ def add_mujoco_cell(
     return MujocoCell(
         plant,
         parts,
+        X_TB,
         tau=torque.get_input_port(0),
         q=q,
         qd=qd,

@@ -108,7 +108,7 @@ def simulate_loop(
         progress: called with the fraction done.
         pace: called with the simulated time [s] every `FRAME`, to hold the simulation back.
     """
-    if not loop.logs:
+    if not loop.logs or loop.mpc is None:
         raise InputError("loop records nothing; valid is one of build_loop(..., record=True)", field="loop", value=loop)
     scenario, context = loop.scenario, loop.context(plan)
     simulator = Simulator(loop.diagram, context)

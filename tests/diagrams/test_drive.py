@@ -6,6 +6,7 @@ from ideal import IDEAL
 from pydrake.systems.analysis import Simulator
 from shared import ideal_plan
 
+from flipdiagram.diagrams.drive import ripple_at_rest
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.diagrams.sensing import encoder_resolution
 from flipdiagram.drawing import draw
@@ -70,7 +71,7 @@ def test_the_ripple_has_its_amplitude_and_two_cycles_per_turn_of_the_motor():
     rated = np.array([31.78, 71.19, 38.14, 11.42, 9.52, 7.76])
     turn = 2 * np.pi / RATIOS  # of the joint, in one turn of the motor
     for share, expected in ((0.0, 0.0), (1 / 8, 0.02), (1 / 4, 0.0), (3 / 8, -0.02), (1 / 2, 0.0)):
-        np.testing.assert_allclose(loop.drive.ripple(share * turn), expected * rated, atol=1e-12)
+        np.testing.assert_allclose(ripple_at_rest(loop.scenario, loop.arm, share * turn), expected * rated, atol=1e-12)
     context = box.CreateDefaultContext()
     box.GetInputPort("tau").FixValue(context, rated)
     box.GetInputPort("q").FixValue(context, turn / 8)
@@ -82,7 +83,7 @@ def test_a_run_starts_at_equilibrium_with_both():
     loop = build_loop(IDEAL.with_overrides(BOTH), "pd+dob")
     context = loop.context(ideal_plan())
     q = loop.equilibrium.q
-    assert np.abs(loop.drive.ripple(q)).max() > 1e-3
+    assert np.abs(ripple_at_rest(loop.scenario, loop.arm, q)).max() > 1e-3
     Simulator(loop.diagram, context).AdvanceTo(0.09)
     plant = loop.cell.plant
     now = plant.GetPositions(plant.GetMyContextFromRoot(context), loop.cell.parts.arm.arm)
