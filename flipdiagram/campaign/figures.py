@@ -1,6 +1,6 @@
 """Pictures of a campaign: success and failures, what matters, success over two parameters, errors."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +10,16 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.ticker import LogLocator
 
+from flipdiagram.campaign.dataset import counted
 from flipdiagram.campaign.sensitivity import TARGETS, strength, strengths
 from flipdiagram.campaign.tables import Summary
 from flipdiagram.figures.style import NAMES, RC, STYLES, save, tidy
 from flipdiagram.flips.outcome import MODES, SUCCESS
+from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.scenario.text import fields_of, unit_of
 
 COLOURS = {
     SUCCESS: "#009E73",
@@ -48,7 +52,7 @@ def write_figures(summary: Summary, data: xr.Dataset, out: Path) -> list[str]:
     if any(entry["explained"] is not None for entry in entries):
         figures["campaign_sensitivity"] = plot_sensitivity(summary)
     if summary["map"] is not None:
-        figures["campaign_map"] = plot_map(summary)
+        figures["campaign_map"] = plot_map(summary, data)
     if bool(np.isfinite(data["position_rmse_m"]).any()):
         figures["campaign_errors"] = plot_errors(data)
     for name, figure in figures.items():
@@ -121,29 +125,64 @@ def plot_sensitivity(summary: Summary) -> Figure:
     return figure
 
 
-def plot_map(summary: Summary) -> Figure:
-    """Success rate over the two parameters that matter most, one panel an architecture; numbers: flips in the cell."""
+def plot_map(summary: Summary, data: xr.Dataset) -> Figure:
+    """Success over the two parameters that matter most, one column an architecture: above by cells, below by trial."""
     cells = summary["map"]
     names = list(cells["architectures"])
     with rc_context(RC):
-        figure = Figure(figsize=(2.5 * len(names) + 1.3, 3.1), layout="constrained")
-        panels = figure.subplots(1, len(names), sharex=True, sharey=True, squeeze=False)[0]
-        for ax, name in zip(panels, names, strict=True):
-            trials = np.array(cells["architectures"][name]["trials"], dtype=float)
-            won = np.array(cells["architectures"][name]["successes"], dtype=float)
-            rate = np.divide(100 * won, trials, out=np.full_like(won, np.nan), where=trials > 0)
-            ax.set_facecolor("0.92")
-            image = ax.imshow(rate, origin="lower", aspect="auto", cmap="viridis", vmin=0, vmax=100)
-            for (j, i), count in np.ndenumerate(trials):
-                if count:
-                    colour = "black" if rate[j, i] > 55 else "white"
-                    ax.text(i, j, f"{count:.0f}", color=colour, fontsize=7, **CENTRED)
+        figure = Figure(figsize=(2.5 * len(names) + 1.3, 5.6), layout="constrained")
+        above, below = figure.subplots(2, len(names), squeeze=False, sharex="row", sharey="row")
+        for ax, name in zip(above, names, strict=True):
+            image = _cells(ax, cells["architectures"][name])
             ax.set_title(NAMES[name], color=STYLES[name].color, fontweight="bold", fontsize=10)
             _ticks(ax, cells["x"], cells["y"])
-        panels[0].set_ylabel(_short(cells["y"]["parameter"]))
-        figure.supxlabel(_short(cells["x"]["parameter"]), fontsize=9)
-        figure.colorbar(image, ax=list(panels), label="turned over [%]", pad=0.01)
+        for ax, name in zip(below, names, strict=True):
+            _trials(ax, data.sel(architecture=name), cells)
+        for row in (above, below):
+            row[0].set_ylabel(_with_unit(cells["y"]["parameter"]))
+        figure.supxlabel(_with_unit(cells["x"]["parameter"]), fontsize=9)
+        figure.colorbar(image, ax=list(above), label="turned over [%]\nin the cells: of how many", pad=0.01)
+        handles, labels = below[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=len(handles), frameon=False)
     return figure
+
+
+def _cells(ax: Axes, counts: Mapping[str, Any]) -> AxesImage:
+    """The share of each cell as a colour, and its counts in words."""
+    trials, won = (np.array(counts[key], dtype=float) for key in ("trials", "successes"))
+    rate = np.divide(100 * won, trials, out=np.full_like(won, np.nan), where=trials > 0)
+    ax.set_facecolor("0.92")
+    size = 8 if max(trials.shape) <= 4 else 6
+    for (j, i), count in np.ndenumerate(trials):
+        if count:
+            colour = "black" if rate[j, i] > 55 else "white"
+            ax.text(i, j, f"{won[j, i]:.0f}/{count:.0f}", color=colour, fontsize=size, **CENTRED)
+    return ax.imshow(rate, origin="lower", aspect="auto", cmap="viridis", vmin=0, vmax=100)
+
+
+def _trials(ax: Axes, part: xr.Dataset, cells: Mapping[str, Any]) -> None:
+    """Each trial that counts at its own values; choices by their number, a little apart."""
+    places: list[np.ndarray] = []
+    for axis, set_ticks in ((cells["x"], ax.set_xticks), (cells["y"], ax.set_yticks)):
+        values = part[axis["parameter"]].values
+        if values.dtype.kind != "f":
+            set_ticks(range(len(axis["values"])), axis["values"])
+            ax.tick_params(axis="x", rotation=60)
+            spread = 0.3 * np.sin(2.4 * np.arange(len(values)))  # the same in every run
+            values = np.array([axis["values"].index(str(value)) for value in values], dtype=float) + spread
+        places.append(values)
+    success, among = part["success"].values.astype(bool), counted(part)
+    x, y = places
+    marks: Sequence[tuple[np.ndarray, Mapping[str, Any]]] = (
+        (~success & among, {"marker": "x", "color": "#D55E00", "label": "a trial, not turned over"}),
+        (
+            success & among,
+            {"marker": "o", "facecolor": "none", "edgecolor": "#009E73", "label": "a trial, turned over"},
+        ),
+    )
+    for which, look in marks:
+        ax.scatter(x[which], y[which], s=14, linewidth=0.9, **look)
+    tidy(ax)
 
 
 def plot_errors(data: xr.Dataset) -> Figure:
@@ -215,6 +254,13 @@ def _ticks(ax: Axes, x: Mapping[str, Any], y: Mapping[str, Any]) -> None:
 
 def _text(value: float | str) -> str:
     return value if isinstance(value, str) else f"{float(f'{value:.3g}'):g}"
+
+
+def _with_unit(name: str) -> str:
+    """A parameter as the label of an axis; a number without a unit has [1], a choice none."""
+    field = fields_of(Scenario).get(name.partition(",")[0])
+    unit = "" if field is None else unit_of(field)
+    return f"{_short(name)} [{unit}]" if unit else _short(name)
 
 
 def _short(name: str) -> str:

@@ -7,23 +7,28 @@ architecture to its recording (an xarray.Dataset as written by `simulate`); time
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
+from scipy.spatial import ConvexHull
 
 from flipdiagram.arrays import Array
 from flipdiagram.figures.style import GUIDE, LABELS, MARK, NAMES, STYLES, WITH_OBSERVER, finish, new_axes, style_of
-from flipdiagram.scenario.scenario import ARCHITECTURES
+from flipdiagram.scenario.scenario import ARCHITECTURES, from_yaml
 from flipdiagram.simulation import events
+from flipdiagram.simulation.recording import rotations
 from flipdiagram.simulation.replans import solve_times
 
 if TYPE_CHECKING:
     from flipdiagram.planning.plan import Plan
 
 Recordings = Mapping[str, xr.Dataset]
+NEAR_LIMIT = 0.5
+"""Share of a joint's limit that its torque must reach for the limit to be drawn: else it would flatten the curves."""
 
 
 def dropped_at(recording: xr.Dataset) -> float | None:
@@ -48,8 +53,31 @@ def plot_trajectories(recordings: Recordings, ax: Axes | None = None) -> Axes:
             ax.plot(y, z, "X", **MARK, markersize=9, markerfacecolor=style_of(name).color)
     if any(dropped_at(recording) is not None for recording in recordings.values()):
         ax.plot([], [], "X", **MARK, markersize=9, markerfacecolor="white", label="block dropped")
+    _table_and_strikes(ax, recordings)
     finish_path(ax, own)
     return ax
+
+
+def _table_and_strikes(ax: Axes, recordings: Recordings) -> None:
+    """The table's surface, and the blade, seen along x, at the moment when it struck the table."""
+    label: str | None = "blade at impact"
+    for name, recording in recordings.items():
+        ax.axhline(recording.attrs["table_height_m"], color="0.55", linewidth=3.0, zorder=1)
+        if (struck := events.strike_index(recording)) is not None:
+            tool, pose = from_yaml(recording.attrs["scenario"]).tool, recording["tool_pose"].values[struck]
+            corners = np.array(list(product((-0.5, 0.5), (-0.5, 0.5), (-1.0, 0.0)))) * tool.blade_size
+            seen = (pose[4:] + rotations(pose[None])[0].apply(corners))[:, 1:]
+            ax.fill(
+                *seen[ConvexHull(seen).vertices].T,
+                color=style_of(name).color,
+                alpha=0.4,
+                linewidth=0,
+                zorder=2,
+                label=label,
+            )
+            label = None
+    if recordings:
+        ax.plot([], [], color="0.55", linewidth=3.0, label="table")
 
 
 def finish_path(ax: Axes, own: bool) -> None:
@@ -63,7 +91,7 @@ def finish_path(ax: Axes, own: bool) -> None:
 def plot_velocities(
     recordings: Recordings, architectures: Sequence[str] = WITH_OBSERVER, axes: Sequence[Axes] | None = None
 ) -> Sequence[Axes]:
-    """Fig. 14: v_y, v_z, v_theta, command and responses of those architectures that were run."""
+    """Fig. 14: v_y, v_z, v_theta, command and responses of those architectures that were run; of all, if of none."""
     return _plot_responses(recordings, architectures, "v", axes)
 
 
@@ -91,7 +119,7 @@ def plot_sliding_angle(recordings: Recordings, ax: Axes | None = None) -> Axes:
 
 
 def plot_torques(recordings: Recordings, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
-    """Joint torques as sent, one panel a joint."""
+    """Joint torques as sent, one panel a joint, and the joints' limits."""
     joints = [str(name) for name in next(iter(recordings.values()))["joint"].values] if recordings else []
     rows = -(-len(joints) // 3) or 1
     own, axes = axes is None, list(new_axes(3 * rows, (9.0, 2.4 * rows), columns=3) if axes is None else axes)
@@ -99,6 +127,7 @@ def plot_torques(recordings: Recordings, axes: Sequence[Axes] | None = None) -> 
         window = _motion(recording)
         for ax, values in zip(axes, window["tau"].values.T, strict=False):
             _line(ax, window["time"], values, name)
+    _limits(next(iter(recordings.values()), None), axes)
     for name, ax in zip(joints, axes, strict=False):
         # one letter reads as an index, a longer name does not
         ax.set_ylabel(rf"$τ_{name}$ [N m]" if len(name) == 1 else f"τ {name.removesuffix('_joint')} [N m]")
@@ -109,6 +138,18 @@ def plot_torques(recordings: Recordings, axes: Sequence[Axes] | None = None) -> 
         ax.tick_params(labelbottom=True)
     finish(axes, own)
     return axes
+
+
+def _limits(recording: xr.Dataset | None, axes: Sequence[Axes]) -> None:
+    """The torque limits of the joints, on both sides; where torque stays far below, in words instead of lines."""
+    limits: Array = np.array([]) if recording is None else np.atleast_1d(recording["tau"].attrs.get("limit", []))
+    for limit, ax in zip(limits, axes, strict=False):
+        ax.plot([], [], **GUIDE, label="limit")
+        if max(map(abs, ax.get_ylim())) < NEAR_LIMIT * limit:
+            ax.set_title(f"limit ±{limit:.3g} N m", loc="right", fontsize=8, color="0.4", pad=2)
+        else:
+            ax.axhline(limit, **GUIDE)
+            ax.axhline(-limit, **GUIDE)
 
 
 def plot_replanning(recordings: Recordings, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
@@ -168,7 +209,7 @@ def _plot_responses(
     recordings: Recordings, architectures: Sequence[str], quantity: str, axes: Sequence[Axes] | None
 ) -> Sequence[Axes]:
     own, axes = axes is None, list(new_axes(3, (5.6, 6.2)) if axes is None else axes)
-    shown = {name: recordings[name] for name in architectures if name in recordings}
+    shown = {name: recordings[name] for name in architectures if name in recordings} or recordings
     for name, recording in _command_first(shown):
         window = _motion(recording)
         components = window[f"{quantity}_cmd" if name == "command" else quantity].values.T
@@ -179,6 +220,9 @@ def _plot_responses(
         for recording in list(shown.values())[:1]:
             ax.axvline(recording.attrs["release_time_s"], **GUIDE, label="planned release")
     axes[-1].set_xlabel("time [s]")
+    if left_out := [NAMES[name] for name in ARCHITECTURES if name in recordings and name not in shown]:
+        words = f"left out, as in the paper: {', '.join(left_out)}"
+        axes[0].set_title(words, loc="right", fontsize=8, color="0.4")
     finish(axes, own)
     return axes
 

@@ -132,6 +132,21 @@ def test_the_map_is_of_the_two_that_matter_most_and_counts_every_trial(summary):
     assert rate[0] == 0 and rate[-1] == 1
 
 
+def test_the_map_shows_counts_in_its_cells_each_trial_beside_them_and_units(summary, data):
+    figure = campaign_figures.plot_map(summary, data)
+    names, drawn = list(summary["architectures"]), summary["map"]
+    above, below = figure.axes[: len(names)], figure.axes[len(names) : 2 * len(names)]
+    for name, cells, trials in zip(names, above, below, strict=True):
+        counts = drawn["architectures"][name]
+        pairs = zip(np.ravel(counts["successes"]), np.ravel(counts["trials"]), strict=True)
+        assert [text.get_text() for text in cells.texts] == [f"{won}/{all_}" for won, all_ in pairs if all_]
+        lost, won = (len(marks.get_offsets()) for marks in trials.collections)
+        assert won == np.sum(counts["successes"]) and lost + won == np.sum(counts["trials"])
+    assert figure.get_supxlabel() == "object.friction [1]" and above[0].get_ylabel() == below[0].get_ylabel()
+    assert campaign_figures._with_unit("object.mass") == "object.mass [kg]"
+    assert campaign_figures._with_unit("simulation.contact_model") == "simulation.contact_model"
+
+
 def test_modes_follow_the_text():
     assert mode_of(None) == "turned over"
     modes = {

@@ -10,7 +10,7 @@ from flipdiagram.errors import InputError
 from flipdiagram.figures import motion
 from flipdiagram.figures.style import NAMES, STYLES, save
 from flipdiagram.planning.plan import Plan
-from flipdiagram.scenario.scenario import ARCHITECTURES
+from flipdiagram.scenario.scenario import ARCHITECTURES, from_yaml
 
 OKABE_ITO = {"#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7"}
 
@@ -133,6 +133,37 @@ def test_torques_have_a_panel_for_each_joint(drawn):
     assert [ax.get_ylabel() for ax in drawn["torques"]] == [f"$τ_{joint}$ [N m]" for joint in "SLURBT"]
     (line,) = lines_named(drawn["torques"][1:2], "PD")
     assert np.max(line.get_ydata()) == pytest.approx(120.0, rel=1e-3)
+
+
+def test_torque_limits_are_lines_where_torque_comes_near_and_words_elsewhere():
+    one = recording("pd+dob").copy(deep=True)  # its torques reach 20, 120, 40, 5, 8 and 2 N m
+    one["tau"].attrs["limit"] = [30.0, 200.0, 400.0, 6.0, 9.0, 50.0]
+    for k, (ax, limit) in enumerate(zip(motion.plot_torques({"pd+dob": one}), one["tau"].attrs["limit"], strict=True)):
+        levels = {line.get_ydata()[0] for line in ax.get_lines() if len(line.get_ydata()) == 2}
+        near = k not in (2, 5)
+        assert levels == ({limit, -limit} if near else set())
+        assert ax.get_title(loc="right") == ("" if near else f"limit ±{limit:g} N m")
+
+
+def test_the_blade_is_drawn_where_it_touches_the_table():
+    one = recording("pd").copy(deep=True)
+    k = int(np.searchsorted(one["time"].values, 0.12))
+    one["tool_pose"].values[k] = [np.cos(0.25), np.sin(0.25), 0, 0, 0.5, 0.01, one.attrs["table_height_m"] + 0.05]
+    assert not motion.plot_trajectories({"pd": one}).patches
+    one["contact_force"].loc[{"pair": "table-blade", "time": slice(0.1195, 0.2)}] = 5.0
+    (blade,) = motion.plot_trajectories({"pd": one}).patches
+    corners = blade.get_xy()[:-1]
+    half = from_yaml(one.attrs["scenario"]).tool.blade_width / 2
+    top = corners[corners[:, 0].argmax()]
+    np.testing.assert_allclose(top[0], 0.01 + half * np.cos(0.5), atol=3e-3)
+    assert corners[:, 1].min() < one.attrs["table_height_m"] + 0.05 - half * np.sin(0.5) + 1e-9
+
+
+def test_who_is_left_out_is_said_and_whoever_flew_alone_is_shown(drawn):
+    assert drawn["14"][0].get_title(loc="right") == "left out, as in the paper: PD, PD + FF"
+    assert drawn["14 all"][0].get_title(loc="right") == ""
+    alone = motion.plot_velocities({"pd": recording("pd")})
+    assert lines_named(alone, "PD") and alone[0].get_title(loc="right") == ""
 
 
 def test_plan_passes_through_its_samples(drawn):
