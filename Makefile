@@ -3,7 +3,7 @@
 # make fuzz    draw hostile input for FUZZ seconds (600); what ends badly goes to tests/hostile/corpus, which the tests replay
 # make lint    ruff, mypy (--strict on the snippets of README and docs) and import-linter
 # make bench   speed, against the targets  -> out/bench
-# make docs    API reference from the docstrings  -> out/docs
+# make docs    the documentation as a site, with the API reference  -> out/docs
 # make report  run the studies, write the report, copy its tables and pictures into README.md and docs/  -> out/report
 # make clean   remove results, caches and build products; the .venv* folders stay
 # make constraints   the newest versions of all that is installed  -> constraints/X.Y.txt, for this Python X.Y

@@ -1,4 +1,4 @@
-"""The API reference as HTML, from the docstrings: python docs/build.py --out DIR.
+"""The documentation as HTML: python docs/build.py --out DIR.  The site by `site_pages`; here the API reference, DIR/api.
 
 Needs no network to build or to read, and comes out with the same bytes on every machine.  Drake's template classes,
 which Python knows as `PD_𝓣float𝓤`, appear under their public names with the arguments of their constructors.
@@ -7,9 +7,9 @@ which Python knows as `PD_𝓣float𝓤`, appear under their public names with t
 from __future__ import annotations
 
 import argparse
+import hashlib
 import importlib
 import inspect
-import json
 import os
 import pkgutil
 import re
@@ -24,7 +24,7 @@ from unittest.mock import patch
 import pdoc
 import pdoc.doc
 import pdoc.render
-import pdoc.search
+import site_pages as site
 from numpy import float64
 from numpy.typing import ArrayLike, NDArray
 from pydrake.systems.framework import System
@@ -35,6 +35,9 @@ from flipdiagram.scenario.text import Section, explain
 
 PRIVATE = r"!flipdiagram\.(.*\.)?_"
 """What pdoc leaves out: modules with a leading underscore."""
+
+PUBLIC = ("flipdiagram", "flipdiagram.blocks", "flipdiagram.compiled", "flipdiagram.drawing")
+"""The package, and the rooms whose modules carry no mark."""
 
 CONVERSIONS = ("ToAutoDiffXd", "ToScalarType", "ToSymbolic")
 """Methods that Drake puts into every template class, without a docstring."""
@@ -68,27 +71,43 @@ def build(out: Path) -> list[str]:
         module = importlib.import_module(name)
         for offered in vars(module).get("__all__", ()):
             getattr(module, offered)  # names that are loaded at their first use
+        mark_internal(module)
         show_templates(module)
         show_constructors(module)
         show_units(module)
         show_submodules(module)
     text = f"flipdiagram {flipdiagram.__version__}"
-    pdoc.render.configure(docformat="markdown", footer_text=text, math=False, mermaid=False, show_source=True)
+    pdoc.render.configure(
+        docformat="markdown", footer_text=text, math=False, mermaid=False, show_source=False, search=False
+    )
     with (
         tempfile.TemporaryDirectory() as folder,
         warnings.catch_warnings(),
         patch.object(pdoc.doc, "formatannotation", short_annotation),
         patch.object(inspect, "formatannotation", short_annotation),
-        # the index as it is, whether or not this machine has node.js
-        patch.object(pdoc.search, "precompile_index", lambda documents, _: json.dumps(documents)),
     ):
         warnings.simplefilter("error", UserWarning)  # pdoc warns of what it could not read
         pdoc.pdoc("flipdiagram", PRIVATE, output_directory=Path(folder))
         for page in sorted(Path(folder).rglob("*.*")):
             target = out / page.relative_to(folder)
             target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_text(without_places(page.read_text(encoding="utf-8")), encoding="utf-8")
+            text = shared_styles(without_places(page.read_text(encoding="utf-8")), target, out)
+            target.write_text(without_indents(text), encoding="utf-8")
     return names
+
+
+def mark_internal(module: ModuleType) -> None:
+    """Say of each module whether its names are for everybody; those of the package itself are."""
+    if module.__name__.startswith(PUBLIC[1:]) or module.__name__ == PUBLIC[0]:
+        return
+    homes = {offered: getattr(flipdiagram, offered) for offered in flipdiagram.__all__}
+    public = [name for name, value in homes.items() if getattr(value, "__module__", None) == module.__name__]
+    if public:
+        names = ", ".join(f"`{name}`" for name in public)
+        mark = f"*Public, from `flipdiagram` itself: {names}. The rest is internal and may change in any version.*"
+    else:
+        mark = "*Internal: may change in any version. What is public is offered by `flipdiagram` itself.*"
+    module.__doc__ = f"{(module.__doc__ or '').rstrip()}\n\n{mark}\n"
 
 
 def show_templates(module: ModuleType) -> None:
@@ -153,6 +172,24 @@ def short_annotation(annotation: Any, *base_module: Any) -> str:
     return text
 
 
+def shared_styles(page: str, target: Path, out: Path) -> str:
+    """A page whose style sheets are files in `out`: they are the same on every page, and most of its bytes."""
+
+    def link(style: re.Match[str]) -> str:
+        name = f"style-{hashlib.sha256(style[1].encode()).hexdigest()[:8]}.css"
+        (out / name).write_text(style[1], encoding="utf-8")
+        up = "../" * (len(target.relative_to(out).parts) - 1)
+        return f'<link rel="stylesheet" href="{up}{name}">'
+
+    return re.sub(r"<style>(.*?)</style>", link, page, flags=re.DOTALL)
+
+
+def without_indents(page: str) -> str:
+    """A page without the blanks that begin its lines, save in <pre>: a sixth of its bytes."""
+    parts = re.split(r"(<pre>.*?</pre>)", page, flags=re.DOTALL)
+    return "".join(part if part.startswith("<pre>") else re.sub(r"\n\s+", "\n", part) for part in parts)
+
+
 def without_places(text: str) -> str:
     """The text without the folders of this machine, which default values may name."""
     root = Path(flipdiagram.__file__).parents[1]
@@ -164,13 +201,14 @@ def without_places(text: str) -> str:
 
 def main() -> None:
     """Build into --out and say where."""
-    options = argparse.ArgumentParser(description="Build the API reference.")
+    options = argparse.ArgumentParser(description="Build the site and the API reference.")
     options.add_argument("--out", type=Path, default=Path("out/docs"), metavar="DIR", help="folder (out/docs)")
     out = options.parse_args().out
     if os.environ.get("PYTHONHASHSEED") != "0":  # sets are printed in the order of their hashes
         os.execve(sys.executable, [sys.executable, *sys.argv], {**os.environ, "PYTHONHASHSEED": "0"})
-    names = build(out)
-    print(f"{len(names)} modules; open {out / 'index.html'}")
+    site.build(out)
+    names = build(out / "api")
+    print(f"the site, and {len(names)} modules; open {out / 'index.html'}")
 
 
 if __name__ == "__main__":

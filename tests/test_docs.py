@@ -1,4 +1,4 @@
-"""The API reference as `make docs` builds it: every module, the equations, nothing from elsewhere; CONTRIBUTING.md."""
+"""The site as `make docs` builds it: pages, every module, the equations, nothing from elsewhere; CONTRIBUTING.md."""
 
 import html
 import importlib.util
@@ -23,13 +23,25 @@ LOADING = r'<(?:script|img|iframe|source|video|audio|embed)\b[^>]*\bsrc="([^"]*)
 
 
 @pytest.fixture(scope="module")
-def reference(tmp_path_factory):
-    """Text of each file by its path; built by a process of its own, as the build dresses up our classes."""
+def site(tmp_path_factory):
+    """Where it is; built by a process of its own, as the build dresses up our classes."""
     out = tmp_path_factory.mktemp("docs")
     command = [sys.executable, ROOT / "docs" / "build.py", "--out", out]
     done = subprocess.run(command, capture_output=True, text=True, timeout=HUNG)
     assert (done.returncode, done.stderr) == (0, ""), done.stderr
-    return {path.relative_to(out).as_posix(): path.read_text(encoding="utf-8") for path in out.rglob("*.*")}
+    return out
+
+
+def texts_in(folder, *endings):
+    """Text of each file by its path."""
+    paths = [path for path in folder.rglob("*.*") if path.suffix in endings]
+    return {path.relative_to(folder).as_posix(): path.read_text(encoding="utf-8") for path in paths}
+
+
+@pytest.fixture(scope="module")
+def reference(site):
+    """The files of the API reference."""
+    return texts_in(site / "api", ".html", ".css")
 
 
 @pytest.fixture(scope="module")
@@ -90,14 +102,39 @@ def test_names_that_only_python_knows_are_not(page):
         ), module
 
 
-def test_nothing_names_this_machine(reference):
+def test_every_page_is_in_the_site_and_reachable_from_its_first(site):
+    home = (site / "index.html").read_text(encoding="utf-8")
+    for page in (path for path in (ROOT / "docs").rglob("*.md") if "report" not in path.parts):
+        name = page.relative_to(ROOT / "docs").with_suffix(".html").as_posix()
+        assert (site / name).is_file() and (name == "index.html" or f'href="{name}"' in home), name
+    python = (site / "reference" / "python.html").read_text(encoding="utf-8")
+    assert 'href="../api/flipdiagram.html"' in python
+    for name, words in (("cli", "flipdiagram arm"), ("scenario", "controller.k_p")):
+        assert words in (site / "reference" / f"{name}.html").read_text(encoding="utf-8")
+
+
+def test_the_site_is_small(site):
+    assert sum(path.stat().st_size for path in site.rglob("*") if path.is_file()) < 10e6
+
+
+def test_internals_say_so_and_what_is_public_says_that(page):
+    assert "Internal: may change in any version" in page("robot/chain")
+    assert "Public, from flipdiagram itself: ARCHITECTURES" in page(
+        "scenario/scenario"
+    ) or "Public, from flipdiagram itself: Scenario" in page("scenario/scenario")
+    assert "Internal" not in page("blocks/pd") and "Internal" not in page("compiled")
+
+
+def test_nothing_names_this_machine(site):
+    reference = texts_in(site, ".html", ".css")
     pattern = re.compile(r"(?<![a-zA-Z0-9_.])/(?:home|root|Users|work|tmp|farm)/[A-Za-z]| at 0x[0-9a-f]{6}")
     own = [str(ROOT), sys.prefix, str(Path.home()) + "/"]
     for name, text in reference.items():
         assert not pattern.search(text) and not any(place in text for place in own), name
 
 
-def test_nothing_is_loaded_from_elsewhere(reference):
+def test_nothing_is_loaded_from_elsewhere(site):
+    reference = texts_in(site, ".html", ".css", ".js")
     for name, text in reference.items():
         found = ("".join(groups) for groups in re.findall(LOADING, text)) if name.endswith(".html") else ()
         outside = {place for place in found if re.match(r"\s*(?:https?:)?//", place)}
