@@ -1,4 +1,4 @@
-"""The documentation as HTML: python docs/build.py --out DIR.  The site by `site_pages`; here the API reference, DIR/api.
+"""The documentation as HTML: python docs/build.py --out DIR.  `site_pages` makes the site, this the API in DIR/api.
 
 Needs no network to build or to read, and comes out with the same bytes on every machine.  Drake's template classes,
 which Python knows as `PD_𝓣float𝓤`, appear under their public names with the arguments of their constructors.

@@ -54,7 +54,8 @@ def build(out: Path) -> None:
         (pages / "reference" / "cli.md").write_text(command_page(), encoding="utf-8")
         (pages / "reference" / "scenario.md").write_text(scenario_page(), encoding="utf-8")
         (pages / "site.css").write_text(CSS, encoding="utf-8")
-        shutil.copyfile(DOCS.parent / "CHANGELOG.md", pages / "changelog.md")
+        changes = (DOCS.parent / "CHANGELOG.md").read_text(encoding="utf-8")
+        (pages / "changelog.md").write_text(changes.replace("](docs/", "]("), encoding="utf-8")
         logging.basicConfig(level=logging.WARNING, format="%(message)s")
         places = {"docs_dir": str(pages), "site_dir": str(out.resolve()), "nav": navigation(pages)}
         file = Path(folder) / "mkdocs.yml"  # which MkDocs must have
