@@ -18,7 +18,8 @@ from scipy.spatial import ConvexHull
 
 from flipdiagram.arrays import Array
 from flipdiagram.figures.style import GUIDE, LABELS, MARK, NAMES, STYLES, WITH_OBSERVER, finish, new_axes, style_of
-from flipdiagram.scenario.scenario import ARCHITECTURES, from_yaml
+from flipdiagram.scenario.scenario import ARCHITECTURES, from_mapping
+from flipdiagram.scenario.yaml_reader import read_mapping
 from flipdiagram.simulation import events
 from flipdiagram.simulation.recording import rotations
 from flipdiagram.simulation.replans import solve_times
@@ -53,18 +54,21 @@ def plot_trajectories(recordings: Recordings, ax: Axes | None = None) -> Axes:
             ax.plot(y, z, "X", **MARK, markersize=9, markerfacecolor=style_of(name).color)
     if any(dropped_at(recording) is not None for recording in recordings.values()):
         ax.plot([], [], "X", **MARK, markersize=9, markerfacecolor="white", label="block dropped")
-    _table_and_strikes(ax, recordings)
+    table_and_strikes(ax, recordings)
     finish_path(ax, own)
     return ax
 
 
-def _table_and_strikes(ax: Axes, recordings: Recordings) -> None:
+def table_and_strikes(ax: Axes, recordings: Recordings) -> None:
     """The table's surface, and the blade, seen along x, at the moment when it struck the table."""
     label: str | None = "blade at impact"
     for name, recording in recordings.items():
         ax.axhline(recording.attrs["table_height_m"], color="0.55", linewidth=3.0, zorder=1)
         if (struck := events.strike_index(recording)) is not None:
-            tool, pose = from_yaml(recording.attrs["scenario"]).tool, recording["tool_pose"].values[struck]
+            # of the tool alone: other fields may have had other names when it was recorded
+            scenario, _ = read_mapping(recording.attrs["scenario"], "scenario")
+            tool = from_mapping({"tool": scenario.get("tool") or {}}).tool
+            pose = recording["tool_pose"].values[struck]
             corners = np.array(list(product((-0.5, 0.5), (-0.5, 0.5), (-1.0, 0.0)))) * tool.blade_size
             seen = (pose[4:] + rotations(pose[None])[0].apply(corners))[:, 1:]
             ax.fill(

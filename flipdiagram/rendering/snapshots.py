@@ -45,7 +45,7 @@ LIGHT_ON = np.array([0.4, 0.0, 0.3])  # [m]
 SKY = np.array([1.0, 0.5, 1.8])  # [m]
 OVERSAMPLING = 2  # pictures are rendered this much larger and averaged down: smooth edges
 SHADOW_DETAIL = 2048 / 480  # side of the shadow map over that of the picture
-TIME_LIMIT, TIME_EACH = 60.0, 1.0  # [s] for the child, and more for each picture; it needs about one, and a tenth
+TIME_LIMIT, TIME_EACH = 60.0, 4.0  # [s] for the child, and more for each picture; idle it needs one, and a tenth
 ADVICE = "apt install libegl1 libegl-mesa0 libgl1-mesa-dri (Debian, Ubuntu) gives real renderings"
 
 

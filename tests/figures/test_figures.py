@@ -10,7 +10,8 @@ from flipdiagram.errors import InputError
 from flipdiagram.figures import motion
 from flipdiagram.figures.style import NAMES, STYLES, save
 from flipdiagram.planning.plan import Plan
-from flipdiagram.scenario.scenario import ARCHITECTURES, from_yaml
+from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
+from flipdiagram.studies.experiment.figures import plot_responses
 
 OKABE_ITO = {"#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7"}
 
@@ -149,11 +150,12 @@ def test_the_blade_is_drawn_where_it_touches_the_table():
     one = recording("pd").copy(deep=True)
     k = int(np.searchsorted(one["time"].values, 0.12))
     one["tool_pose"].values[k] = [np.cos(0.25), np.sin(0.25), 0, 0, 0.5, 0.01, one.attrs["table_height_m"] + 0.05]
+    one.attrs["scenario"] += "\nforgotten:\n  field: 1\n"  # of an older version
     assert not motion.plot_trajectories({"pd": one}).patches
     one["contact_force"].loc[{"pair": "table-blade", "time": slice(0.1195, 0.2)}] = 5.0
     (blade,) = motion.plot_trajectories({"pd": one}).patches
     corners = blade.get_xy()[:-1]
-    half = from_yaml(one.attrs["scenario"]).tool.blade_width / 2
+    half = Scenario().tool.blade_width / 2
     top = corners[corners[:, 0].argmax()]
     np.testing.assert_allclose(top[0], 0.01 + half * np.cos(0.5), atol=3e-3)
     assert corners[:, 1].min() < one.attrs["table_height_m"] + 0.05 - half * np.sin(0.5) + 1e-9
@@ -162,6 +164,9 @@ def test_the_blade_is_drawn_where_it_touches_the_table():
 def test_who_is_left_out_is_said_and_whoever_flew_alone_is_shown(drawn):
     assert drawn["14"][0].get_title(loc="right") == "left out, as in the paper: PD, PD + FF"
     assert drawn["14 all"][0].get_title(loc="right") == ""
+    starts = {name: [recording(name)] for name in ARCHITECTURES}
+    assert plot_responses(starts, "v").get_supxlabel() == "left out, as in the paper: PD, PD + FF"
+    assert plot_responses({"pd": starts["pd"]}, "v").get_supxlabel() == ""
     alone = motion.plot_velocities({"pd": recording("pd")})
     assert lines_named(alone, "PD") and alone[0].get_title(loc="right") == ""
 

@@ -43,7 +43,7 @@ def write_figures(summary: Summary, out: Path, *, progress: Progress = silent) -
 def plot_paths(recordings: ByArchitecture) -> Figure:
     """Fig. 13 for all starts: paths in the y–z plane, a panel an architecture; a cross where the block was lost."""
     names = _known(recordings)
-    figure, panels = _panels(2, -(-len(names) // 2), (9.0, 5.0), share=True, share_x=True)
+    figure, panels = _panels(2, -(-len(names) // 2), (6.8, 6.2), share=True, share_x=True)
     for ax in panels[len(names) :]:
         ax.set_axis_off()
     for ax, name in zip(panels, names, strict=False):
@@ -54,6 +54,10 @@ def plot_paths(recordings: ByArchitecture) -> Figure:
             if (lost := dropped_at(data)) is not None:
                 y, z, _ = data["x"].sel(time=lost, method="nearest").values
                 ax.plot(y, z, "X", color="black", markersize=6, markerfacecolor=STYLES[name].color, linestyle="none")
+        if recordings[name]:
+            ax.axhline(
+                recordings[name][0].attrs["table_height_m"], color="0.55", linewidth=3.0, zorder=1, label="table"
+            )
         ax.set_xlabel(LABELS["x"][0])
         ax.set_aspect("equal")
     panels[0].set_ylabel(LABELS["x"][1])
@@ -76,6 +80,9 @@ def plot_responses(recordings: ByArchitecture, quantity: str) -> Figure:
             if not column:
                 ax.set_ylabel(LABELS[quantity][row])
         panels[2 * len(names) + column].set_xlabel("time [s]")
+    if left_out := [NAMES[name] for name in _known(recordings) if name not in names]:
+        words = f"left out, as in the paper: {', '.join(left_out)}"
+        figure.supxlabel(words, x=0.99, ha="right", fontsize=8, color="0.4")
     return _finished(figure, panels, names)
 
 

@@ -56,8 +56,8 @@ def plot_gain(summary: Summary, figure: str) -> Figure:
     axes = new_axes(len(panels), (5.2 * len(panels), 3.8), columns=len(panels))
     for ax, entries in zip(axes, panels, strict=True):
         _responses(ax, _pick(entries, figure), _pick(summary["curves"], "5"))
-        ax.axhline(np.sqrt(0.5), **GUIDE)
-        ax.set(xscale="log", yscale="log", xlabel=OMEGA, ylabel="acceleration gain")
+        ax.axhline(np.sqrt(0.5), **GUIDE, label="−3 dB")
+        ax.set(xscale="log", yscale="log", xlabel=OMEGA, ylabel="acceleration gain [1]")
         ax.set_ylim(1e-2, 3 if figure == "5" else 40)
     if models is not None:
         for ax, name in zip(axes, (models["figures_6_and_8"], models["other"]), strict=True):
@@ -115,7 +115,7 @@ def plot_noise(summary: Summary) -> Figure:
             label = "broadband noise" if entry["architecture"] == "pd" else None
             axes[0].plot(entry["omega_rad_s"], entry["value"], label=label, **BROADBAND)
     axes[0].set(xscale="log", yscale="log", xlabel=OMEGA, ylabel="|x / $v_{noise}$| [s]")
-    axes[1].set(xscale="log", xlabel=OMEGA, ylabel="noise gain relative to PD")
+    axes[1].set(xscale="log", xlabel=OMEGA, ylabel="noise gain relative to PD [1]")
     return _finished(axes)
 
 
@@ -128,7 +128,7 @@ def plot_response(response: FrequencyResponse, ax: Sequence[Axes] | None = None)
     label = NAMES.get(response.name, response.name) + (", friction" if response.friction else "")
     axes[0].plot(response.omega, response.gain, label=label, **line)
     axes[1].plot(response.omega, np.degrees(response.phase), label=label, **line)
-    axes[0].set(xscale="log", yscale="log", ylabel="gain |X / $X_{cmd}$|")
+    axes[0].set(xscale="log", yscale="log", ylabel="gain |X / $X_{cmd}$| [1]")
     axes[1].set(xscale="log", xlabel=OMEGA, ylabel="phase of x against $x_{cmd}$ [deg]")
     finish(axes, own=False)  # a legend that grows with the next response
     return axes
@@ -155,7 +155,7 @@ def _responses(ax: Axes, curves: Sequence[Any], exact: Sequence[Any], convert: A
         if g and len(cut_offs) > 1:
             part = LIGHTEST + (1 - LIGHTEST) * cut_offs.index(g) / (len(cut_offs) - 1)
             line["color"] = tuple(1 - part * (1 - np.array(to_rgb(line["color"]))))
-            label += f", $g_{{dis}}$ = {g:g}"
+            label += f", $g_{{dis}}$ = {g:g} rad/s"
         ax.plot(entry["omega_rad_s"], convert(np.asarray(entry["value"], dtype=float)), label=label, **line)
         for other in exact:
             if (other["architecture"], other["g_dis_rad_s"], other["friction"]) == (name, g, False):
@@ -172,7 +172,7 @@ def _finished(axes: Sequence[Axes]) -> Figure:
     figure = cast("Figure", axes[0].figure)
     # theory last; handles fill the legend column by column
     order = sorted(labels, key=lambda label: label.startswith("theory"))
-    columns = 3 if figure.get_figwidth() < 7 else 4 if len(order) > 6 else 6
+    columns = 3 if figure.get_figwidth() < 7 or len(order) > 6 else 6
     handles = [labels[label] for label in order]
     figure.legend(handles, order, loc="outside upper center", ncols=columns, frameon=False, handlelength=3)
     return figure

@@ -8,6 +8,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from flipdiagram.figures.motion import table_and_strikes
 from flipdiagram.figures.style import GUIDE, LABELS, NAMES, RC, STYLES, save, style_of, tidy
 from flipdiagram.rendering.replay import write_replay
 from flipdiagram.scenario.scenario import ARCHITECTURES, from_mapping
@@ -91,9 +92,8 @@ def plot_path(recordings: Mapping[str, Recording], target_y: float) -> Figure:
     for name, data in recordings.items():
         ax.plot(*data["x"].values[:, :2].T, label=f"tool, {NAMES[name]}", **style_of(name).line())
         ax.plot(*data["block_pose"].values[:, 5:].T, color=STYLES[name].color, linestyle=":", linewidth=1.2)
-    table = float(first.attrs["table_height_m"])
-    ax.axhline(table, color="0.5", linewidth=1.0)
-    ax.plot(target_y, table, "^", color="black", linestyle="none", label="target")
+    table_and_strikes(ax, recordings)
+    ax.plot(target_y, first.attrs["table_height_m"], "^", color="black", linestyle="none", label="target")
     ax.plot([], [], color="0.3", linestyle=":", label="object")
     ax.set(xlabel=LABELS["x"][0], ylabel=LABELS["x"][1])
     ax.set_aspect("equal", adjustable="datalim")
