@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from flipdiagram.campaign.run import run_campaign
     from flipdiagram.compiled import CompiledDiagram, compile_diagram
+    from flipdiagram.compiled.linearize import linearize_diagram
     from flipdiagram.diagrams.controller import build_controller
+    from flipdiagram.diagrams.joint_loop import JointLoop, build_joint_loop
     from flipdiagram.diagrams.loop import Loop, build_loop
     from flipdiagram.drawing import Drawing, draw
     from flipdiagram.errors import (
@@ -46,6 +48,7 @@ __all__ = [
     "FlipdiagramError",
     "FrequencyResponse",
     "InputError",
+    "JointLoop",
     "Loop",
     "MissingProgramError",
     "Placement",
@@ -56,12 +59,14 @@ __all__ = [
     "ScenarioError",
     "SimulationError",
     "build_controller",
+    "build_joint_loop",
     "build_loop",
     "compare",
     "compile_diagram",
     "draw",
     "frequency_response",
     "info",
+    "linearize_diagram",
     "load_scenario",
     "measure",
     "open_campaign",
@@ -77,7 +82,9 @@ __all__ = [
 _ROOMS = {
     "campaign.run": ("run_campaign",),
     "compiled": ("CompiledDiagram", "compile_diagram"),
+    "compiled.linearize": ("linearize_diagram",),
     "diagrams.controller": ("build_controller",),
+    "diagrams.joint_loop": ("JointLoop", "build_joint_loop"),
     "diagrams.loop": ("Loop", "build_loop"),
     "drawing": ("Drawing", "draw"),
     "figures.motion": ("plot_plan",),

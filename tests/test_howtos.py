@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 FOLDER = Path(__file__).parents[1] / "docs" / "how-to"
-PAGES = ("embed.md",)
+PAGES = ("embed.md", "linearise.md")
 
 
 @pytest.mark.parametrize("page", PAGES)

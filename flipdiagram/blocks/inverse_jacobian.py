@@ -46,8 +46,8 @@ def solution(A: Array, b: Array) -> Array:
     Floats raise SimulationError where A is exactly singular; symbolic matrices cannot be inverted beyond 4 x 4
     (RuntimeError of Drake).
     """
-    if A.dtype == object:
-        inverse: Array = scalar_math.inv(A)
+    if A.dtype == object or b.dtype == object:
+        inverse: Array = scalar_math.inv(A) if A.dtype == object else np.linalg.inv(A)
         return inverse.dot(b)
     try:
         return np.linalg.solve(A, b)

@@ -58,7 +58,11 @@ def _left_out(scenario: Scenario) -> str | None:
 
 
 def diagram(arguments: argparse.Namespace, scenario: Scenario) -> None:
-    """The block diagram as a picture or text."""
+    """The block diagram as a picture or text, or its poles."""
+    if arguments.poles:
+        from flipdiagram.cli.poles import poles
+
+        return poles(arguments, scenario)
     from flipdiagram.cli.diagram import drawing_of, write
 
     drawing = drawing_of(scenario, arguments)

@@ -63,6 +63,8 @@ def parser() -> argparse.ArgumentParser:
     diagram.add_argument("--depth", type=int, default=0, metavar="N", help="levels of inner diagrams opened (0)")
     diagram.add_argument("--rates", action="store_true", help="colour the boxes by sample time")
     diagram.add_argument("--table", action="store_true", help="print rates, ports and feed-through as a table")
+    text = "print the poles of the closed loop about its start; --out draws them (.svg, .png)"
+    diagram.add_argument("--poles", action="store_true", help=text)
 
     arm = add("arm", "Check an arm of your own: limits, reach, what its file lacks, a start that works.")
     arm.add_argument("action", choices=("check",), help="what to do with it")

@@ -38,6 +38,7 @@ from flipdiagram.blocks.mpc import ModelPredictiveController
 from flipdiagram.blocks.noise import SensorNoise
 from flipdiagram.blocks.observer import DisturbanceObserver
 from flipdiagram.blocks.pd import ProportionalDerivative
+from flipdiagram.blocks.plan_commands import PlanCommands
 from flipdiagram.blocks.receding_horizon import RecedingHorizonController, Timing
 from flipdiagram.blocks.ripple import TorqueRipple
 from flipdiagram.blocks.sensors import Encoder, PseudoDerivative
@@ -156,6 +157,7 @@ SYSTEMS = {
     "mass": lambda: OneDofPlant([1.0, 2.0], 0.01),
     "mass with signum": lambda: OneDofPlant([1.0, 2.0], 0.01, "signum", 0.1, 0.05),
     "mass with stick-slip": lambda: OneDofPlant([1.0, 2.0], 0.01, "stick-slip", 0.1, 0.05),
+    "plan commands": lambda: PlanCommands(plan().states[:4], plan().inputs[:3], np.zeros(6), 0.5, start_time=0.5),
     "mpc": lambda: ModelPredictiveController(plan, np.zeros(6), 0.5),
     "receding horizon": receding,
     "camera": camera,

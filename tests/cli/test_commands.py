@@ -44,9 +44,21 @@ def test_the_table_names_rates_ports_and_feed_through(run):
     assert "flowchart" not in text
 
 
+def test_the_poles_fit_a_terminal_and_go_into_a_picture(run, tmp_path, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    unstable = ["--architecture", "pd", "--sensors.delay", "20", "--controller.k_p", "5000"]
+    for options, verdict in ((["--one-dof"], "Stable: "), (unstable, "Unstable: ")):
+        code, out, _ = run("diagram", "--poles", "--out", "poles.svg", *options)
+        assert code == 0 and max(map(len, out.decode().splitlines())) <= 80
+        assert "damping" in out.decode() and verdict in out.decode()
+    assert (tmp_path / "poles.svg").read_bytes().startswith(b"<?xml")
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (["diagram", "--poles", "--out", "a.dot"], "'a.dot' is no picture"),
+        (["diagram", "--poles", "--joints.model", "elastic"], "'joints.model' = 'elastic' has no joint model"),
         (["diagram", "--out", "a.pdf"], "'a.pdf' ends in no known format"),
         (["diagram", "--depth", "-1"], "depth"),
         (["diagram", "--architecture", "pid"], "unknown architecture 'pid'"),
