@@ -87,7 +87,8 @@ def plot_success(summary: Summary) -> Figure:
         left.set(xlim=(-2, 102), xlabel="turned over [%], 95 % interval", ylim=(-0.6, len(names) - 0.4))
         right.set(xlim=(0, 100), xlabel="outcomes [% of the flips]")
         if modes:
-            right.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(len(modes), 4), frameon=False)
+            handles, labels = right.get_legend_handles_labels()
+            figure.legend(handles, labels, loc="outside upper center", ncols=min(len(modes), 6), frameon=False)
         tidy(left)
         right.spines[["top", "right"]].set_visible(False)
         right.tick_params(left=False)
@@ -210,6 +211,7 @@ def plot_errors(data: xr.Dataset) -> Figure:
             panels[0].xaxis.set_major_formatter("{x:g}")
             panels[0].xaxis.set_minor_formatter("")
         panels[0].set_ylabel("flips below [%]")
+        panels[1].set_xlim(0, 1.05)
         panels[1].axvline(1.0, color="0.4", linewidth=0.9, linestyle=":")
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=4, frameon=False)
