@@ -30,9 +30,11 @@ if TYPE_CHECKING:
     from flipdiagram.figures.motion import plot_plan
     from flipdiagram.files import __version__ as __version__
     from flipdiagram.planning import Plan, plan_motion
-    from flipdiagram.results.comparison import Comparison, compare
+    from flipdiagram.results.comparing import compare
+    from flipdiagram.results.comparison import Comparison
     from flipdiagram.results.info import info
     from flipdiagram.results.opening import open_campaign, open_result
+    from flipdiagram.results.running import run_study
     from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, load_scenario
     from flipdiagram.simulation.metrics import FlipMetrics, measure
     from flipdiagram.simulation.simulate import Run, simulate, simulate_loop
@@ -75,6 +77,7 @@ __all__ = [
     "plan_motion",
     "plot_plan",
     "run_campaign",
+    "run_study",
     "simulate",
     "simulate_loop",
 ]
@@ -90,7 +93,7 @@ _ROOMS = {
     "figures.motion": ("plot_plan",),
     "files": ("__version__",),
     "planning": ("Plan", "plan_motion"),
-    "results": ("Comparison", "compare", "info", "open_campaign", "open_result"),
+    "results": ("Comparison", "compare", "info", "open_campaign", "open_result", "run_study"),
     "scenario.scenario": ("ARCHITECTURES", "Scenario", "load_scenario"),
     "simulation.metrics": ("FlipMetrics", "measure"),
     "simulation.simulate": ("Run", "simulate", "simulate_loop"),

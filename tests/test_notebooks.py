@@ -97,7 +97,15 @@ def texts(cell):
 
 
 def test_there_are_notebooks():
-    assert list(NOTEBOOKS) == ["01_turn_over.ipynb", "02_blocks.ipynb", "03_own_controller.ipynb", "04_diagram.ipynb"]
+    names = "01_turn_over 02_blocks 03_own_controller 04_diagram 05_planning 06_section_iii 07_campaign".split()
+    names += ["08_own_arm_and_object", "09_replanning_and_place"]
+    assert list(NOTEBOOKS) == [f"{name}.ipynb" for name in names]
+
+
+@pytest.mark.parametrize("name", [name for name in NOTEBOOKS if name >= "05"])
+def test_a_notebook_of_a_study_takes_all_of_ours_from_the_public_face(name):
+    source = "\n".join(cell.source for cell in code_cells(read(NOTEBOOKS[name])))
+    assert set(re.findall(r"^(?:from|import) (flipdiagram\S*)", source, re.MULTILINE)) == {"flipdiagram"}
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=NEEDS.get(name, ())) for name in NOTEBOOKS])

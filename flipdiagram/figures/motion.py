@@ -170,23 +170,23 @@ def plot_replanning(recordings: Recordings, axes: Sequence[Axes] | None = None) 
     return axes
 
 
-def plot_plan(plan: Plan, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
+def plot_plan(plan: Plan, ax: Sequence[Axes] | None = None) -> Sequence[Axes]:
     """Planned position, velocity and acceleration of y, z, theta (rows: quantity); the braking is shaded."""
-    own, axes = axes is None, list(new_axes(9, (9.0, 6.0), columns=3) if axes is None else axes)
+    own, axes = ax is None, list(new_axes(9, (9.0, 6.0), columns=3) if ax is None else ax)
     t = np.linspace(0.0, plan.duration, 1001)
     flying = np.linspace(plan.release_time, plan.touchdown_time, 101)
     path, command = plan.object_path(flying), STYLES["command"].line()
     for row, (quantity, values) in enumerate(zip("xva", plan.sample(t), strict=True)):
-        for column, ax in enumerate(axes[3 * row : 3 * row + 3]):
-            ax.plot(t, values[:, column], label="tool", **command)
+        for column, panel in enumerate(axes[3 * row : 3 * row + 3]):
+            panel.plot(t, values[:, column], label="tool", **command)
             if quantity == "x":
-                ax.plot(flying, path[:, column], color="#CC79A7", linestyle="--", label="object in flight")
+                panel.plot(flying, path[:, column], color="#CC79A7", linestyle="--", label="object in flight")
             if plan.n_brake:
-                ax.axvspan(plan.release_time, plan.duration, color="0.92", linewidth=0, label="tool brakes")
-            ax.axvline(plan.touchdown_time, **GUIDE, label="touch-down")
-            ax.set(ylabel=LABELS[quantity][column])
-    for ax in axes[6:]:
-        ax.set_xlabel("time [s]")
+                panel.axvspan(plan.release_time, plan.duration, color="0.92", linewidth=0, label="tool brakes")
+            panel.axvline(plan.touchdown_time, **GUIDE, label="touch-down")
+            panel.set(ylabel=LABELS[quantity][column])
+    for panel in axes[6:]:
+        panel.set_xlabel("time [s]")
     finish(axes, own)
     return axes
 

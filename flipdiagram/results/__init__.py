@@ -11,10 +11,12 @@ A bad input ends in a one-line InputError.
 """
 
 from flipdiagram.results.accessor import FlipAccessor
-from flipdiagram.results.comparison import Comparison, SignalDifference, compare
+from flipdiagram.results.comparing import compare
+from flipdiagram.results.comparison import Comparison, SignalDifference
 from flipdiagram.results.differences import Change
 from flipdiagram.results.info import info
 from flipdiagram.results.opening import open_campaign, open_result
+from flipdiagram.results.running import run_study
 
 __all__ = [
     "Change",
@@ -25,4 +27,5 @@ __all__ = [
     "info",
     "open_campaign",
     "open_result",
+    "run_study",
 ]

@@ -43,9 +43,9 @@ class FlipAccessor:
         """The path of the control point in the y–z plane [m], its command, and the block's centre in flight."""
         return plots.plot_path(check_recording(self._data), ax)
 
-    def margins(self, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
+    def margins(self, ax: Sequence[Axes] | None = None) -> Sequence[Axes]:
         """Cone use [1], centre of pressure [mm], normal force [N], slip [mm] while carried, planned and realised."""
-        return plots.plot_margins(check_recording(self._data), axes)
+        return plots.plot_margins(check_recording(self._data), ax)
 
     def metrics(self) -> FlipMetrics:
         """What `flipdiagram flip` measures of the recording."""

@@ -2,26 +2,18 @@
 
 import html
 import itertools
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
-import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
 from flipdiagram.errors import InputError
 from flipdiagram.figures.style import STYLES
 from flipdiagram.grid import BAD, GOOD, Grid, number
-from flipdiagram.planning.plan import Plan
 from flipdiagram.results import plots
-from flipdiagram.results.differences import Change, changes, comparable, leaves
-from flipdiagram.results.opening import Source, read
-from flipdiagram.results.signals import components, field_unit, flat, scenario_fields
-from flipdiagram.simulation.metrics import measure
-from flipdiagram.simulation.recording_files import check_recording
+from flipdiagram.results.differences import Change
+from flipdiagram.results.signals import components
 
 SECOND = {"color": "#CC79A7", "linestyle": "--", "zorder": 2.7}
 """The line of the second recording where both are of one architecture."""
@@ -136,7 +128,7 @@ class Comparison:
         def draw(panel: Axes, part: xr.DataArray) -> None:
             other = counterparts[part.name]
             if difference:
-                one, other = _at_common_times(part, other)
+                one, other = at_common_times(part, other)
                 style = STYLES["command"].line()
                 panel.plot(one["time"], other - one, label=f"{labels[1]} − {labels[0]}", **style)
                 panel.set_ylabel("Δ " + panel.get_ylabel())
@@ -167,113 +159,10 @@ class Comparison:
         return f"<p>{html.escape(repr(self))}</p>{notes}{tables}"
 
 
-Comparable = xr.Dataset | Plan | str | os.PathLike[str]
-
-
-def compare(a: Comparable, b: Comparable) -> Comparison:
-    """Two recordings (Datasets or paths), two plans, or two summaries of one study (paths), side by side.
-
-    Recordings: same times or not, largest and RMS difference of every signal on the times that both have, metrics
-    of both, scenario fields that differ.  Summaries and plans: verdicts and numbers that differ, but for how long
-    things took.  Raises InputError as `open_result`, and where the two are not of one kind.
-    """
-    (one, first), (other, second) = _source(a, "a"), _source(b, "b")
-    if one.kind != other.kind:
-        message = f"cannot compare a result of kind '{one.kind}' with '{other.kind}'; valid are two of one"
-        raise InputError(message, field="b", value=other.kind, valid=one.kind)
-    names = (first, second)
-    if one.data is not None and other.data is not None:
-        if one.kind != "recording":
-            valid = "recordings, plans, and summary.json of a study"
-            message = f"cannot compare {one.kind}; valid are {valid}"
-            raise InputError(message, field="a", value=one.kind, valid=valid)
-        return _recordings(one.data, other.data, names)
-    contents = [dict(source.plan.summary() if source.plan else source.summary or {}) for source in (one, other)]
-    scenarios = [flat(content.pop("scenario", {})) for content in contents]
-    first_leaves, second_leaves, notes = comparable(leaves(contents[0]), leaves(contents[1]), names)
-    differing = [change for change in changes(first_leaves, second_leaves) if not change.same]
-    return Comparison(
-        names,
-        one.kind,
-        scenario=_fields(*scenarios),
-        verdicts=tuple(change for change in differing if not change.numeric),
-        numbers=tuple(change for change in differing if change.numeric),
-        notes=tuple(notes),
-    )
-
-
-def _source(value: Comparable, name: str) -> tuple[Source, str]:
-    """What is compared, and what it is called."""
-    if isinstance(value, xr.Dataset):
-        return Source(Path(), "recording", check_recording(value)), str(value.attrs["architecture"])
-    if isinstance(value, Plan):
-        return Source(Path(), "motion", plan=value), name
-    if not isinstance(value, str | os.PathLike):
-        kind, valid = type(value).__name__, "recordings, plans, and the path of a summary.json"
-        raise InputError(f"{name} is a {kind}; valid are {valid}", field=name, value=value, valid=valid)
-    source = read(value)
-    return source, source.path.stem if source.data is not None else str(value)
-
-
-def _recordings(one: xr.Dataset, other: xr.Dataset, names: tuple[str, str]) -> Comparison:
-    parts, others = ({part.name: part for part in components(check_recording(data))} for data in (one, other))
-    alone = [k for k in parts if k not in others], [k for k in others if k not in parts]
-    notes = [f"Only in {names[k]}: " + ", ".join(f"`{part}`" for part in alone[k]) for k in (0, 1) if alone[k]]
-    architectures = one.attrs["architecture"], other.attrs["architecture"]
-    if architectures[0] != architectures[1]:
-        notes.append(f"Architectures: `{architectures[0]}` and `{architectures[1]}`")
-    signals, nothing = [], not _at_common_times(one["time"], other["time"])[0].size
-    for name in () if nothing else [name for name in parts if name in others]:
-        units = [of_one[name].attrs["units"] for of_one in (parts, others)]
-        if units[0] != units[1]:
-            notes.append(f"`{name}` is in {units[0]} and in {units[1]}: not compared")
-        else:
-            signals.append(_signal_difference(*_at_common_times(parts[name], others[name])))
-    if nothing:
-        notes.append("No time in common: signals not compared")
-    known = [fields for fields in map(scenario_fields, (one, other)) if fields is not None]
-    if len(known) == 1:
-        notes.append("Only one of them keeps its scenario: not compared")
-    return Comparison(
-        names,
-        "recording",
-        np.array_equal(one["time"].values, other["time"].values),
-        tuple(signals),
-        changes(_measured(one), _measured(other)),
-        _fields(*known) if len(known) == 2 else (),
-        notes=tuple(notes),
-        recordings=(one, other),
-    )
-
-
-def _at_common_times(one: xr.DataArray, other: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray]:
+def at_common_times(one: xr.DataArray, other: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray]:
     """Both at the times [s] that are the same to a nanosecond."""
     a, b = (part.assign_coords(time=part["time"].values.round(9)) for part in (one, other))
     return xr.align(a, b, join="inner")
-
-
-def _signal_difference(one: xr.DataArray, other: xr.DataArray) -> SignalDifference:
-    """How one component differs between two recordings at the same times."""
-    apart = abs(other - one)
-    apart = apart[np.isfinite(apart.values)]
-    largest, rms, at = 0.0, 0.0, float("nan")
-    if apart.size:
-        largest, rms, at = float(apart.max()), float(np.sqrt((apart**2).mean())), float(apart.idxmax())
-    one_sided = int((one.isnull() != other.isnull()).sum())
-    return SignalDifference(str(one.name), one.attrs["signal"], one.attrs["units"], largest, rms, at, one_sided)
-
-
-def _measured(data: xr.Dataset) -> dict[str, Any]:
-    """Metrics by name, the torque of each joint by the joint's."""
-    metrics = measure(data).as_dict()
-    torques = zip(data["joint"].values, metrics.pop("max_torque_Nm"), strict=True)
-    return leaves(metrics) | {f"max_torque_Nm[{joint}]": torque for joint, torque in torques}
-
-
-def _fields(a: dict[str, Any], b: dict[str, Any]) -> tuple[Change, ...]:
-    names, missing = dict.fromkeys([*a, *b]), "no such field"
-    rows = (Change(name, field_unit(name), a.get(name, missing), b.get(name, missing)) for name in names)
-    return tuple(row for row in rows if not row.same)
 
 
 def _told_apart(names: tuple[str, str]) -> tuple[str, str]:

@@ -176,11 +176,21 @@ def _is_deep(content: Any) -> bool:
 
 def _read_dataset(file: Path) -> Source:
     data = open_netcdf(file)
-    if data.attrs.get("schema") == RECORDING_SCHEMA or "x_cmd" in data:
-        return Source(file, "recording", check_recording(data, f"'{file}'"))
-    if "linear_peak_x" in data and "omega" in data.coords:
-        return Source(file, "frequency data", data)
-    if {"trial", "architecture"} <= set(data.sizes) and "outcome" in data:
-        return Source(file, CAMPAIGN, data.assign(success=data["success"].astype(bool)))  # NetCDF 3 has numbers only
+    kind = kind_of(data)
+    if kind == "recording":
+        return Source(file, kind, check_recording(data, f"'{file}'"))
+    if kind == CAMPAIGN:
+        return Source(file, kind, data.assign(success=data["success"].astype(bool)))  # NetCDF 3 has numbers only
+    if kind is not None:
+        return Source(file, kind, data)
     names = ", ".join(str(name) for name in list(data.data_vars)[:6]) or "nothing"
     raise _refused(file, f"holds {names}: neither a recording nor frequency data nor a campaign")
+
+
+def kind_of(data: xr.Dataset) -> str | None:
+    """What a Dataset is of: 'recording', 'frequency data', 'campaign data'; None for anything else."""
+    if data.attrs.get("schema") == RECORDING_SCHEMA or "x_cmd" in data:
+        return "recording"
+    if "linear_peak_x" in data and "omega" in data.coords:
+        return "frequency data"
+    return CAMPAIGN if {"trial", "architecture"} <= set(data.sizes) and "outcome" in data else None

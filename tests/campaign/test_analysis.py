@@ -25,7 +25,7 @@ from flipdiagram.errors import InputError
 from flipdiagram.flips.outcome import MODES, mode_of
 from flipdiagram.flips.row import Row
 from flipdiagram.flips.store_file import open_to_write
-from flipdiagram.results import open_campaign
+from flipdiagram.results import compare, open_campaign
 from flipdiagram.scenario.scenario import Scenario
 
 NAMES = ("pd", "pd+ff", "pd+dob", "pd+ff+dob")
@@ -216,6 +216,11 @@ def test_python_flies_a_campaign_from_what_would_stand_in_its_file(file, monkeyp
     assert kept_nowhere.sizes["trial"] == 2 and (kept_nowhere["outcome"] != "").all() and told
     xr.testing.assert_identical(open_campaign(file.parent), flown)
     xr.testing.assert_identical(open_campaign(str(file)), flown)
+    assert compare(file, flown).same
+    fewer = compare(flown, kept_nowhere)
+    changed = {change.name: (change.a, change.b) for change in fewer.numbers}
+    assert fewer.kind == "campaign data" and changed["trials"] == (30, 2)
+    assert changed["architectures.pd.counted"] == (30, 2)
     recording().to_netcdf(file.parent / "pd.nc", engine="scipy")
     with pytest.raises(InputError, match=r"pd.nc' is a result of kind 'recording'; valid is the folder or"):
         open_campaign(file.parent / "pd.nc")

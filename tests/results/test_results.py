@@ -22,7 +22,7 @@ from flipdiagram.figures.style import STYLES
 from flipdiagram.files import write_summary
 from flipdiagram.flips.outcome import Outcome
 from flipdiagram.planning.plan import Plan
-from flipdiagram.results import compare, info, open_result
+from flipdiagram.results import compare, info, open_result, run_study
 from flipdiagram.results.signals import components, pretty
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.simulation import metrics
@@ -33,6 +33,7 @@ from flipdiagram.simulation.simulate import Run
 from flipdiagram.studies.experiment.claims import run_entry
 from flipdiagram.studies.experiment.run import recording_name
 from flipdiagram.studies.frequency.claims import TEXTS
+from flipdiagram.studies.registry import STUDIES
 
 
 def flown(architecture="pd+ff+dob", **overrides):
@@ -335,6 +336,41 @@ def test_a_run_shows_the_path_of_tool_command_and_block(best):
     assert points.min() >= 0 and points.max(axis=0)[0] <= 280 and points.max(axis=0)[1] <= 170
 
 
+# ---- studies by name
+
+
+def test_a_study_runs_by_its_name_with_the_options_of_its_command(tmp_path, monkeypatch):
+    asked = {}
+
+    def run(scenario, out, progress, **options):
+        asked.update(options, scenario=scenario)
+        write_summary(out / "summary.json", "plan", scenario, {"plan": {}})
+        (out / "plan.json").write_text(a_plan().to_json())
+
+    monkeypatch.setitem(STUDIES, "plan", replace(STUDIES["plan"], run=run, options=STUDIES["turnover"].options))
+    scenario = Scenario().with_overrides({"controller.k_p": 400.0})
+    assert repr(run_study("plan", tmp_path / "new", scenario, quick=True)) == repr(a_plan())
+    assert asked == {"scenario": scenario, "quick": True, "jobs": None, "architectures": list(ARCHITECTURES)}
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "words"),
+    [
+        ("fly", {}, "unknown study 'fly'; choose from plan, turnover, frequency"),
+        (
+            "turnover",
+            {"quik": True},
+            "the study 'turnover' has no option 'quik'; choose from architectures, quick, jobs",
+        ),
+        ("plan", {"quick": True}, "the study 'plan' has no option 'quick'; valid is none"),
+    ],
+)
+def test_an_unknown_study_or_option_is_refused_before_anything_is_written(tmp_path, name, options, words):
+    with pytest.raises(InputError, match=words):
+        run_study(name, tmp_path / "out", **options)
+    assert not (tmp_path / "out").exists()
+
+
 # ---- compare
 
 
@@ -345,6 +381,11 @@ def test_a_recording_compared_with_itself_differs_in_nothing(best):
     assert len(found.signals) == len(best.flip.to_frame().columns)
     assert all(change.same for change in found.metrics)
     assert "no difference" in found.to_markdown() and "no difference" in repr(found)
+
+
+def test_a_run_is_compared_as_its_recording(best, dropped):
+    found = compare(Run(best, a_plan(), 1.0), dropped)
+    assert found.kind == "recording" and found.names == ("pd+ff+dob", "pd") and not found.same
 
 
 def test_a_known_shift_is_found_with_its_unit_time_and_scenario(best):

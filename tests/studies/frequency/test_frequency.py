@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from flipdiagram.compiled import compile_diagram
 from flipdiagram.diagrams.controller import check_architecture
 from flipdiagram.diagrams.one_dof import build_controller, build_experiment, theory
 from flipdiagram.errors import InputError, SimulationError
+from flipdiagram.results import compare
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.studies.frequency import realisations
 from flipdiagram.studies.frequency import run as frequency
@@ -208,6 +210,18 @@ def test_a_response_of_the_four_is_that_of_the_study_and_of_the_closed_form(of_p
     data = of_pd.to_dataset()
     assert data["phase"].attrs["units"] == "rad" and data["omega"].attrs["units"] == "rad/s"
     assert data["gain"].values == pytest.approx(of_pd.gain) and data.attrs["controller"] == "pd"
+
+
+def test_two_responses_are_compared(of_pd):
+    assert compare(of_pd, of_pd).same
+    louder = replace(of_pd, measured=replace(of_pd.measured, x=1.5 * of_pd.measured.x))
+    found = compare(of_pd, louder)
+    assert [change.name for change in found.numbers] == ["gain[1]"] and not found.verdicts
+    assert found.numbers[0].b == pytest.approx(1.5 * of_pd.gain[1])
+
+
+def test_the_data_of_a_study_are_compared(out):
+    assert compare(out / "frequency.nc", out / "frequency.nc").same
 
 
 def test_a_response_is_drawn_into_new_axes_or_those_given(of_pd):
