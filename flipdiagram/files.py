@@ -38,6 +38,8 @@ KINDS = (
 )
 LEFT = re.compile(r"\..*-([0-9a-f]{8})-([0-9]{1,10})-[0-9a-f]{8}(\.[^.]*)?", re.DOTALL)
 """Names of temporary files: machine, process."""
+OWN, WRITING = ".flipdiagram", "writing"
+"""In a folder of results: what is known of their files, and in it the list that a run adds to; see `folders`."""
 _short = reprlib.Repr()
 _short.maxstring = 120
 
@@ -126,12 +128,26 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         target.parent.mkdir(parents=True, exist_ok=True)
         _clean_once(target.parent.absolute())
         yield temporary
+        _list(target.absolute())
         os.replace(temporary, target)
     except OSError as error:
         raise InputError(f"cannot write '{target}': {error.strerror or error}") from error
     finally:
         with suppress(OSError):  # never made, or renamed
             temporary.unlink()
+
+
+def _list(target: Path) -> None:
+    """Add a file to the list of the run that writes into its folder or the one above, before it stands there."""
+    for folder in target.parents[:2]:
+        if (folder / OWN).is_dir():
+            with suppress(FileNotFoundError):  # no run
+                handle = os.open(folder / OWN / WRITING, os.O_WRONLY | os.O_APPEND)
+                try:
+                    os.write(handle, f"{target.relative_to(folder).as_posix()}\n".encode())
+                finally:
+                    os.close(handle)
+            return
 
 
 def remove_left(folder: Path) -> None:

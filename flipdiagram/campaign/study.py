@@ -94,6 +94,9 @@ def tuning_tables(summary: Mapping[str, Any]) -> list[Grid]:
 def write_analysis(file: Path, out: Path) -> dict[str, Any]:
     """Analyse a campaign's file, of a running one what is there; returns the summary.  Raises InputError."""
     data = load_dataset(file)
+    if (held := out / FILE).is_file() and not held.samefile(file):
+        problem = f"--out = '{out}' holds the flips of another campaign"
+        raise InputError.of("--out", out, f"another folder than that of {FILE}", problem)
     specification = json.loads(data.attrs["specification"])
     body: dict[str, Any] = analysis_of(data)
     body["figures"] = write_figures(body, data, out)

@@ -4,13 +4,12 @@ What a command needs is imported when it runs, so that help and errors come at o
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from typing import Any
 
-from flipdiagram.files import check_output_directory, remove_left, sole_use, versions
+from flipdiagram.files import check_output_directory, remove_left, versions
 from flipdiagram.grid import Grid, console
 from flipdiagram.scenario.scenario import FILES, Scenario, value_of
 from flipdiagram.scenario.work import check_work
@@ -38,10 +37,8 @@ def run_study(study: Study, arguments: argparse.Namespace, scenario: Scenario) -
     study = next((STUDIES[name] for option, name in study.otherwise.items() if given[option]), study)
     out = check_output_directory(arguments.out)
     try:
-        with sole_use(out) if study.alone else nullcontext(), status(arguments.quiet) as progress:
-            study.run(scenario, out, progress=progress, **study.given(given, "run"))
-            summary = json.loads((out / study.file).read_text(encoding="utf-8"))
-            notes = study.figures(summary, out, progress=progress, **study.given(given, "figures"))
+        with status(arguments.quiet) as progress:
+            summary, notes = study.carry_out(scenario, out, given, progress)
     finally:
         remove_left(out)  # of children that were killed while they wrote
     if not arguments.quiet:

@@ -14,6 +14,7 @@ from flipdiagram.flips.outcome import LOST, Outcome
 from flipdiagram.flips.store import Store
 from flipdiagram.flips.store_file import open_to_write
 from flipdiagram.flips.workers import Workers
+from flipdiagram.folders import bring_back, set_aside
 from flipdiagram.simulation.recording_files import recording_key
 
 LEAST_TIMEOUT, PACE = 300.0, 300.0
@@ -69,14 +70,18 @@ def fly_kept(
 
 
 def is_done(flip: Flip, store: Store, out: Path) -> bool:
-    """Whether a flip need not be flown: its outcome is known, and its recording is there."""
+    """Whether a flip need not be flown: its outcome is known, and its recording there, or brought back."""
     outcome = store.outcome(flip.key, flip.architecture)
     if outcome is None or outcome.mode in LOST:
         return False
     if flip.recording is None or outcome.metrics is None:
         return True
     # a run of another scenario into the same folder replaces the file under the same name
-    return recording_key(out / flip.recording) == flip.key
+    if recording_key(out / flip.recording) == flip.key:
+        return True
+    if found := recording_key(set_aside(out, flip.recording)) == flip.key:
+        bring_back(out, flip.recording)
+    return found
 
 
 def _flight(key: str, flip: Flip, out: Path) -> Flight:

@@ -45,10 +45,9 @@ def run(
 
 def _summary_of(study: Study, scenario: Scenario, out: Path, asked: dict[str, Any], progress: Progress) -> Summary:
     """A study's summary, of an earlier run where it would come out the same; its figures are drawn anew."""
-    settings = study.given(asked, "run")
-    if study.stored is None or study.stored(scenario, out, **settings) is None:
-        study.run(scenario, out, progress=lambda text: progress(f"{PARTS[study.name]}: {text}"), **settings)
-    summary: Summary = json.loads((out / study.file).read_text(encoding="utf-8"))
+    summary: Summary | None = study.stored and study.stored(scenario, out, **study.given(asked, "run"))
+    if summary is None:
+        return study.carry_out(scenario, out, asked, lambda text: progress(f"{PARTS[study.name]}: {text}"))[0]
     study.figures(summary, out, **study.given(asked, "figures"))
     return summary
 

@@ -42,7 +42,6 @@ _RECORDS = (
         "Measure gain, phase, error, torque and noise of the 1-DOF loop.",
         flag("--quick", "fewer frequencies, no table of realisations"),
         stored=Later("studies.frequency.run:stored"),
-        alone=True,
         work=frequency_work,
         written=lambda summary, out: (
             f"{summary['channel_steps'] / 1e6:.0f} M channel-steps in {summary['seconds']:.1f} s; written to {out}"

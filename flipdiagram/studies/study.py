@@ -1,6 +1,7 @@
 """What a study is: one record of its command, its run, its figures, its tables, and how its results are read."""
 
 import argparse
+import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -8,7 +9,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from flipdiagram.scenario.scenario import ARCHITECTURES
+from flipdiagram.folders import renewed
+from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.scenario.work import Work, flip_work
 from flipdiagram.scenario.yaml_reader import show
 
@@ -109,7 +111,6 @@ class Study:
         instead: instead(scenario, **options) does what some options ask for in place of a run; whether it did.
         otherwise: {option: study} that runs in its place where the option is given.
         stored: stored(scenario, out, **options) gives the summary of an earlier run that would come out the same.
-        alone: whether a run needs its folder for itself.
         work: what one of its runs costs, by the fields of the scenario; above a limit it needs --yes.
         written: written(summary, out) is the last line.
     """
@@ -127,7 +128,6 @@ class Study:
     instead: Callable[..., bool] | None = None
     otherwise: Mapping[str, str] = field(default_factory=dict)
     stored: Callable[..., Any] | None = None
-    alone: bool = False
     work: Work = flip_work
     written: Callable[[Summary, Path], str] = lambda summary, out: f"written to {out}"
 
@@ -135,6 +135,15 @@ class Study:
     def schema(self) -> str:
         """What its summary.json begins with."""
         return f"flipdiagram/{self.name}/1"
+
+    def carry_out(
+        self, scenario: Scenario, out: Path, arguments: Mapping[str, Any], progress: Progress
+    ) -> tuple[Summary, list[str]]:
+        """Run it and draw its figures, so that `out` holds this run's results and nobody's else: summary and notes."""
+        with renewed(out, self.file):
+            self.run(scenario, out, progress=progress, **self.given(arguments, "run"))
+            summary: Summary = json.loads((out / self.file).read_text(encoding="utf-8"))
+            return summary, self.figures(summary, out, progress=progress, **self.given(arguments, "figures"))
 
     def given(self, arguments: Mapping[str, Any], to: str) -> dict[str, Any]:
         """Those of the arguments that one of its functions receives."""
