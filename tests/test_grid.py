@@ -7,13 +7,53 @@ import pytest
 from markdown_it import MarkdownIt
 from rich.console import Console
 
-from flipdiagram.grid import Grid, verdict
+from flipdiagram.grid import Grid, labelled, verdict
 
 
-def printed(grid):
+def printed(grid, width=200):
     stream = io.StringIO()
-    Console(file=stream, width=200).print(grid.rich())
+    Console(file=stream, width=width).print(grid.rich())
     return stream.getvalue()
+
+
+WIDE = Grid(
+    ["who", "what became of it", *(f"number {k} [N m]" for k in range(9))],
+    [[name, "struck the table at 0.229 s, dropped at 0.231 s", *["12345.67"] * 9] for name in ("pd", "pd+ff+dob")],
+    "a title with a number at its end, which is too long for the terminal: 2.73 rad",
+    [f"number {k} [N m]" for k in range(9)],
+)
+
+
+@pytest.mark.parametrize("width", [50, 80, 120])
+def test_a_table_that_does_not_fit_is_parted_and_no_number_or_unit_is_broken(width):
+    text = printed(WIDE, width)
+    assert all(len(line) <= width for line in text.splitlines()) and "…" not in text
+    assert text.count("12345.67") == 18 and text.count("[N m]") == 9
+    assert "0.229 s" in text and "0.231 s" in text and "2.73 rad" in text
+    assert text.count("┏") > 1 and text.count("pd+ff+dob") == text.count("┏"), "each part names its rows"
+
+
+def test_a_table_that_fits_is_whole_and_no_wider_than_its_texts():
+    assert printed(WIDE, 250).count("┏") == 1
+    assert max(map(len, printed(Grid(["a"], [["b"]])).splitlines())) == 5
+
+
+def test_both_keys_of_a_row_stand_in_each_part():
+    grid = Grid(["case", "way", "x", "y"], [["one", "often", "1" * 30, "2" * 30]], right=["x", "y"], keys=2)
+    text = printed(grid, 60)
+    assert text.count("┏") == text.count("often") == text.count("one") == 2
+
+
+def test_a_path_longer_than_the_terminal_is_folded_not_cut():
+    text = printed(Grid(["", "file"], [["name", "/long" * 40]]), 60)
+    assert "".join(text.replace("│", " ").split()).count("long") == 40
+
+
+def test_the_name_of_a_number_says_its_unit():
+    assert labelled("release_time_s", 0.4) == ("release time", "0.4 s")
+    assert labelled("touchdown_speed_m_s", 1.0294) == ("touchdown speed", "1.029 m/s")
+    assert labelled("cost_J", 0.7073) == ("cost J", "0.7073") and labelled("iterations", 47) == ("iterations", "47")
+    assert WIDE.records()[0]["number 0 [N m]"] == "12345.67"
 
 
 def test_markdown_has_a_line_a_row_and_aligns_what_is_named():

@@ -15,16 +15,8 @@ from flipdiagram.files import atomic_path
 from flipdiagram.flips.outcome import NOT_PHYSICS, SUCCESS
 from flipdiagram.flips.row import Row
 from flipdiagram.flips.store_file import open_to_read
+from flipdiagram.grid import unit_of
 from flipdiagram.simulation.metrics import FlipMetrics
-
-UNITS = ("m/s2", "rad/s2", "m/s", "rad/s", "N m", "rad", "m", "s", "J", "N", "kg")
-"""Units that end the name of a number, such as `_rad_s2`; longest first."""
-
-
-def unit_of(name: str) -> str:
-    """Unit of an entry of summary.json by the end of its name ('position_rmse_m'); '1' where it says none."""
-    return next((unit for unit in UNITS if name.endswith("_" + unit.replace(" ", "").replace("/", "_"))), "1")
-
 
 METRICS = {name: unit_of(name) for name, kind in get_type_hints(FlipMetrics).items() if kind is float}
 METRICS |= {"torque_use": "1"}

@@ -1,9 +1,9 @@
 """Campaigns and the tuner as studies: what the options of `flipdiagram campaign` ask for, and what is written."""
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from json import loads
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from flipdiagram.campaign.run import FILE, run
 from flipdiagram.campaign.tables import pair_grid, section, success_grid, tuning_grid, tuning_section
 from flipdiagram.campaign.tuner import tune as search
 from flipdiagram.campaign.tuning import load_tuning
+from flipdiagram.campaign.watch import status_grid
 from flipdiagram.campaign.watch import watch as watch_on
 from flipdiagram.errors import InputError
 from flipdiagram.figures.style import save
@@ -36,9 +37,11 @@ def show(
     analyse: Path | None,
     export: list[Path] | None,
     salvage: bool,
-) -> bool:
-    """Show or export the file of a campaign where that is asked for; whether it was.
+    json: bool,
+) -> list[Grid | str] | None:
+    """Show or export the file of a campaign where that is asked for: what is said of it, None where it is not.
 
+    json: of a running campaign the table as it is now, where it would move.
     Raises InputError unless one of the four is given.
     """
     if sum(entry is not None for entry in (file, watch, analyse, export)) != 1:
@@ -47,13 +50,17 @@ def show(
     if salvage and export is None:
         raise InputError.of("--salvage", True, "--salvage beside --export FILE TO", "--salvage stands alone")
     if watch is not None:
+        if json:
+            return [status_grid(watch)[0]]
         watch_on(watch, console())
-    elif export is not None:
-        (source, target), lost = export, list[str]()
-        print(f"written to {export_to(source, target, lost if salvage else None)}")
-        if salvage:
-            print(f"damaged flips left out: {len(lost)}" + f", the first: {lost[0]}" * bool(lost))
-    return watch is not None or export is not None
+        return []
+    if export is None:
+        return None
+    (source, target), lost = export, list[str]()
+    said: list[Grid | str] = [f"written to {export_to(source, target, lost if salvage else None)}"]
+    if salvage:
+        said.append(f"damaged flips left out: {len(lost)}" + f", the first: {lost[0]}" * bool(lost))
+    return said
 
 
 def fly(
@@ -97,12 +104,12 @@ def write_analysis(file: Path, out: Path) -> dict[str, Any]:
     if (held := out / FILE).is_file() and not held.samefile(file):
         problem = f"--out = '{out}' holds the flips of another campaign"
         raise InputError.of("--out", out, f"another folder than that of {FILE}", problem)
-    specification = json.loads(data.attrs["specification"])
+    specification = loads(data.attrs["specification"])
     body: dict[str, Any] = analysis_of(data)
     body["figures"] = write_figures(body, data, out)
     body["specification"] = {key: value for key, value in specification.items() if key != "base"}
     written = write_summary(out / "summary.json", "campaign", from_mapping(specification["base"]), body)
-    summary: dict[str, Any] = json.loads(written.read_text(encoding="utf-8"))
+    summary: dict[str, Any] = loads(written.read_text(encoding="utf-8"))
     write_atomically(out / "campaign.md", f"# Campaign\n\n{section(summary)}")
     return summary
 
@@ -119,7 +126,7 @@ def report_section(folder: Path, names: Sequence[str] = ("campaign", "tuning")) 
     """What the reproduction report shows of campaigns and of tuned gains below `folder`/name; '' without them."""
     parts = [section(write_analysis(folder / name / FILE, folder / name), name) for name in _with(folder, names, FILE)]
     for name in _with(folder, names, TUNING):
-        tuning = json.loads((folder / name / TUNING).read_text(encoding="utf-8"))
+        tuning = loads((folder / name / TUNING).read_text(encoding="utf-8"))
         picture = f"![Search and verdict of the tuner]({name}/tuning.png)"
         parts.append(f"### Default gains against tuned ones\n\n{tuning_section(tuning)}\n{picture}\n")
     return "\n".join(parts)

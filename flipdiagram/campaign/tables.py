@@ -7,6 +7,7 @@ from typing import Any
 from flipdiagram.campaign.sensitivity import TARGETS, strength
 from flipdiagram.flips.outcome import NOT_PHYSICS, SUCCESS
 from flipdiagram.grid import Grid, number
+from flipdiagram.scenario.scenario import with_unit
 
 Summary = Mapping[str, Any]
 
@@ -113,7 +114,9 @@ def section(summary: Summary, folder: str = "") -> str:
 def tuning_grid(tuning: Summary) -> Grid:
     """Default gains against tuned ones, on the trials of the search and on the held-out ones."""
     both = ("default", "tuned")
-    rows = [[f"`{name}`", *(number(values[side]) for side in both)] for name, values in tuning["gains"].items()]
+    rows = [
+        [f"`{with_unit(name)}`", *(number(values[side]) for side in both)] for name, values in tuning["gains"].items()
+    ]
     for part, words in (("search", "search"), ("held_out", "held out")):
         sides = [tuning[part][side] for side in both]
         rows.append([f"{SUCCESS}, {words} ({tuning[part]['trials']} trials)", *map(_rate, sides)])

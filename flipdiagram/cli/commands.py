@@ -4,12 +4,13 @@ What a command needs is imported when it runs, so that help and errors come at o
 """
 
 import argparse
+import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from flipdiagram.files import check_output_directory, remove_left, versions
+from flipdiagram.files import check_output_directory, plain, remove_left, versions
 from flipdiagram.grid import Grid, console
 from flipdiagram.scenario.scenario import FILES, Scenario, value_of
 from flipdiagram.scenario.work import check_work
@@ -32,8 +33,11 @@ def run_study(study: Study, arguments: argparse.Namespace, scenario: Scenario) -
         from flipdiagram.robot.parts import arm_of
 
         arm_of(scenario)  # raises InputError for a model file that cannot be, before anything is written
-    if study.instead is not None and study.instead(scenario, **study.given(given, "instead")):
-        return
+    if study.first is not None:
+        parts = study.first(scenario, **study.given(given, "first"))
+        if parts is not None:
+            show(arguments, parts, [part.records() if isinstance(part, Grid) else part for part in parts])
+            return
     study = next((STUDIES[name] for option, name in study.otherwise.items() if given[option]), study)
     out = check_output_directory(arguments.out)
     try:
@@ -41,8 +45,8 @@ def run_study(study: Study, arguments: argparse.Namespace, scenario: Scenario) -
             summary, notes = study.carry_out(scenario, out, given, progress)
     finally:
         remove_left(out)  # of children that were killed while they wrote
-    if not arguments.quiet:
-        show(*study.tables(summary), *notes, _left_out(scenario), study.written(summary, out))
+    if arguments.json or not arguments.quiet:
+        show(arguments, [*study.tables(summary), *notes, _left_out(scenario), study.written(summary, out)], summary)
 
 
 def _left_out(scenario: Scenario) -> str | None:
@@ -60,12 +64,16 @@ def diagram(arguments: argparse.Namespace, scenario: Scenario) -> None:
         from flipdiagram.cli.poles import poles
 
         return poles(arguments, scenario)
-    from flipdiagram.cli.diagram import drawing_of, write
+    from flipdiagram.cli.diagram import data_of, drawing_of, table_of, write
 
     drawing = drawing_of(scenario, arguments)
-    if arguments.table:
+    if arguments.json:
+        print_json(data_of(drawing))
+    elif arguments.table and sys.stdout.isatty():
+        show(arguments, [table_of(drawing)])
+    elif arguments.table:
         print(drawing.rates().to_markdown(), end="")
-    if arguments.out is not None or not arguments.table:
+    if arguments.out is not None or not (arguments.table or arguments.json):
         write(drawing, arguments.format, arguments.out)
 
 
@@ -88,28 +96,39 @@ def info(arguments: argparse.Namespace, scenario: Scenario) -> None:
     """What a result file holds."""
     from flipdiagram.results import info
 
-    show(info(arguments.file))
+    grid = info(arguments.file)
+    show(arguments, [grid], {name: text for name, text in grid.rows})
 
 
 def completion(arguments: argparse.Namespace, scenario: Scenario) -> None:
     """The completion script of a shell."""
     from flipdiagram.cli.completion import script
 
-    print(script(arguments.shell), end="")
+    text = script(arguments.shell)
+    show(arguments, [text.removesuffix("\n")], {"shell": arguments.shell, "script": text})
 
 
 def scenario(arguments: argparse.Namespace, scenario: Scenario) -> None:
     """Every field with its unit."""
-    print(scenario.to_yaml(comments=True), end="")
+    text = scenario.to_yaml(comments=True)
+    show(arguments, [text.removesuffix("\n")], scenario.model_dump(mode="json"))
 
 
-def show(*parts: Grid | str | None) -> None:
-    """Print tables that have rows, and lines of text."""
+def show(arguments: argparse.Namespace, parts: Sequence[Grid | str | None], data: Any = None) -> None:
+    """Print tables that have rows, and lines of text; with --json the data instead, and nothing else."""
+    if arguments.json:
+        print_json(data)
+        return
     for part in parts:
         if isinstance(part, str):
             print(part)
         elif part is not None and part.rows:
             console().print(part.rich())
+
+
+def print_json(data: Any) -> None:
+    """Data on stdout as JSON."""
+    print(json.dumps(plain(data), indent=2, ensure_ascii=False, allow_nan=False))
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from typing import Any, NoReturn
 
 from flipdiagram.errors import InputError
 from flipdiagram.studies.registry import COMMANDS as STUDY_COMMANDS
-from flipdiagram.studies.study import YES, architecture
+from flipdiagram.studies.study import JSON, YES, architecture
 
 COMMANDS = (*STUDY_COMMANDS, "diagram", "arm", "info", "scenario", "completion")
 FORMATS = ("dot", "svg", "png", "mermaid")
@@ -45,14 +45,16 @@ def parser() -> argparse.ArgumentParser:
 
     def add(name: str, text: str, scenario: bool = True) -> _Parser:
         epilog, parents = (EPILOG, [common]) if scenario else (None, [])
-        return commands.add_parser(name, help=text, description=text, epilog=epilog, parents=parents)
+        command = commands.add_parser(name, help=text, description=text, epilog=epilog, parents=parents)
+        command.add_argument(*JSON.names, **JSON.settings)
+        return command
 
     for name, study in STUDY_COMMANDS.items():
         command = add(name, study.text)
         out = Path("out") / study.name
         command.add_argument("--quiet", action="store_true", help="print errors only")
         command.add_argument("--out", type=Path, default=out, metavar="DIR", help=f"results ({out})")
-        for option in dict.fromkeys((*study.options, YES)):
+        for option in dict.fromkeys(option for option in (*study.options, YES) if option is not JSON):
             command.add_argument(*option.names, **option.settings)
 
     diagram = add("diagram", "Draw the block diagram of a controller, or of the 1-DOF loop.")

@@ -70,15 +70,19 @@ class RateTable(tuple[Rate, ...]):
     def __repr__(self) -> str:
         return f"<RateTable of {len(self)} systems; to_markdown() shows them>"
 
-    def to_markdown(self) -> str:
-        """The table in Markdown, a row for each system."""
-        out = ["| system | class | sample time | inputs | outputs | direct feed-through |", "|---|---|---|---|---|---|"]
+    def cells(self) -> list[list[str]]:
+        """The texts of the table: its headings, then a row for each system."""
+        rows = [["system", "class", "sample time", "inputs", "outputs", "direct feed-through"]]
         for row in self:
             through = ", ".join(f"{i} → {o}" for i, o in row.feedthrough) or "none"
             ports = (", ".join(map(str, side)) or "–" for side in (row.inputs, row.outputs))
-            cells = (row.name, row.system_class, row.timing.text, *ports, through)
-            out.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-        return "\n".join(out) + "\n"
+            rows.append([row.name, row.system_class, row.timing.text, *ports, through])
+        return rows
+
+    def to_markdown(self) -> str:
+        """The table in Markdown, a row for each system."""
+        head, *rows = ("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |\n" for row in self.cells())
+        return "".join([head, "|---|---|---|---|---|---|\n", *rows])
 
     def _repr_markdown_(self) -> str:
         return self.to_markdown()

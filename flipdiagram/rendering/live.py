@@ -1,6 +1,6 @@
 """The flip while it is being simulated, in a browser through Meshcat."""
 
-import threading
+import sys
 import time
 from collections.abc import Callable, Sequence
 
@@ -16,26 +16,26 @@ from flipdiagram.simulation.verdict import judge
 
 SPEED = 0.5
 """Simulated seconds per second of wall time; the simulation itself runs at about twice real time."""
+PATIENCE = 20.0
+"""Seconds that it waits for a browser."""
 HOLD_SHOWN = 1.0
 """Seconds of the hold that are shown at most: longer ones pass as fast as they can."""
 
 
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
 def show_live(
-    scenario: Scenario,
-    architectures: Sequence[str],
-    *,
-    port: int | None = None,
-    announce: Callable[[str], None] = print,
-    wait: Callable[[], None] | None = None,
+    scenario: Scenario, architectures: Sequence[str], *, port: int | None = None, announce: Callable[[str], None] = _say
 ) -> None:
-    """Simulate the architectures one after the other while a browser watches; then serve until `wait` returns.
+    """Simulate the architectures one after the other while a browser watches; without one nothing is simulated.
 
     Args:
         scenario: what is simulated.
         architectures: in this order.
         port: of the server on this machine, by default the first free one from 7000.
-        announce: told the address and each verdict.
-        wait: by default until Ctrl-C.
+        announce: told the address and each verdict, by default on stderr.
 
     Raises SimulationError where the port is taken.
     """
@@ -43,13 +43,17 @@ def show_live(
         meshcat = Meshcat(MeshcatParams(host="localhost", port=port, show_stats_plot=False))
     except RuntimeError as error:
         raise SimulationError(f"Meshcat cannot listen on port {port}: {error}") from None
-    announce(f"watch at {meshcat.web_url()} (waiting for a browser)")
+    announce(f"watch at {meshcat.web_url()} (waiting {PATIENCE:g} s for a browser)")
+    latest = time.monotonic() + PATIENCE
     plan = plan_motion(scenario)
     task = scenario.task
     meshcat.SetObject("target", Sphere(0.006), Rgba(0.0, 0.62, 0.45, 1.0))  # where the block shall land
     meshcat.SetTransform("target", RigidTransform([task.start_x, task.target_y, scenario.table.height]))
     meshcat.SetCameraPose([task.start_x + 0.8, 0.25, 0.5], [task.start_x, 0.0, 0.3])
     while meshcat.GetNumActiveConnections() == 0:
+        if time.monotonic() > latest:
+            announce(f"no browser came within {PATIENCE:g} s; going on without")
+            return
         time.sleep(0.1)
     for name in architectures:
         loop = build_loop(scenario, name, record=True, meshcat=meshcat)
@@ -57,8 +61,6 @@ def show_live(
         flip = simulate_loop(loop, plan, pace=pace)
         success, failure = judge(flip.recording)
         announce(f"{name}: {'turned over' if success else failure}")
-    announce("all done; Ctrl-C ends the server")
-    (wait or threading.Event().wait)()
 
 
 class _Pace:

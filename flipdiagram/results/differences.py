@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flipdiagram.campaign.dataset import unit_of
-from flipdiagram.grid import number
+from flipdiagram.grid import number, unit_of
 
 SKIPPED = frozenset(
     "schema versions scenario code recording real_time_factor solve_time_s seconds channel_steps_per_s program_times"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flipdiagram.grid import Grid, number
+from flipdiagram.grid import Grid, labelled, number
 from flipdiagram.planning.plan import SCHEMA as PLAN_SCHEMA
 from flipdiagram.planning.plan import Plan
 from flipdiagram.results.opening import BROKEN, CAMPAIGN, AnyPath, Source, damaged, read
@@ -98,7 +98,7 @@ def _variables(data: xr.Dataset) -> Rows:
 def _plan(plan: Plan) -> Rows:
     samples = f"{plan.n_contact} contact, {plan.n_flight} flight, {plan.n_brake} brake, {plan.sampling_time:g} s each"
     skipped = ("samples", "sampling_time_s")
-    entries = [(name, number(value)) for name, value in plan.summary().items() if name not in skipped]
+    entries = [labelled(name, value) for name, value in plan.summary().items() if name not in skipped]
     return [("duration", f"{plan.duration:g} s"), ("samples", samples), *entries]
 
 
@@ -210,7 +210,8 @@ def _curves(curves: Sequence[Mapping[str, Any]]) -> Rows:
 
 def _planned(plan: Mapping[str, Any]) -> Rows:
     names = ("cost_J", "release_time_s", "release_angle_rad", "touchdown_time_s", "touchdown_angle_rad", "solver")
-    return [(f"plan {name}", number(plan[name])) for name in names if name in plan]
+    rows = [labelled(name, plan[name]) for name in names if name in plan]
+    return [(f"plan, {name}", text) for name, text in rows]
 
 
 ROWS: Mapping[str, Any] = {

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flipdiagram.campaign.dataset import unit_of
+from flipdiagram.grid import unit_of
 from flipdiagram.planning.plan import Plan
 from flipdiagram.simulation.recording_files import load_recording
 from flipdiagram.studies.study import Summary

@@ -214,6 +214,13 @@ def field_paths() -> list[str]:
     return list(fields_of(Scenario))
 
 
+def with_unit(path: str) -> str:
+    """A field with its unit, 'object.mass [kg]'; as it is where it has none, or where the name is of no field."""
+    field = fields_of(Scenario).get(path)
+    unit = unit_of(field) if field else ""
+    return path if unit in ("", "1") else f"{path} [{unit}]"
+
+
 def value_of(scenario: Scenario, path: str) -> Any:
     """A field by its path."""
     section, name = path.split(".")

@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import Any
 
 from flipdiagram.scenario.work import frequency_work, place_work
-from flipdiagram.studies.study import ARCHITECTURE, JOBS, YES, Later, Option, Study, flag, nothing, positive
+from flipdiagram.studies.study import ARCHITECTURE, JOBS, JSON, YES, Later, Option, Study, flag, nothing, positive
 
 _MAPS = "disturbance, payload, clearance, gains, cone, inertia, sensing, variations (all)"
 _EXPORT = "write a campaign.sqlite as .csv, .parquet or .nc"
-_LOOK = ("run", "instead")
+_LOOK = ("run", "first")
 _FILE = Option("file", to=_LOOK, nargs="?", metavar="FILE", help="the campaign as YAML, see examples/campaign.yaml")
 _VIDEO = "the flips side by side as .gif or .webp (DIR/flip.gif)"
 _VIDEO_FILE = Later("rendering.video:video_file")
@@ -30,12 +30,12 @@ _RECORDS = (
         "Plan the motion and simulate it under each controller.",
         Option(*ARCHITECTURE.names, to=_LOOK, **ARCHITECTURE.settings),
         flag("--quick", "shorter hold, no snapshots and replay", to=("run", "figures")),
-        flag("--meshcat", "watch the simulation in a browser, at half speed", to=("instead",)),
+        flag("--meshcat", "show the simulation in a browser first, at half speed", to=("first",)),
         flag("--no-replay", "no snapshots and no replay.html", to=("figures",)),
         Option("--video", to=("figures",), nargs="?", type=_VIDEO_FILE, const=True, metavar="FILE", help=_VIDEO),
         JOBS,
         command="flip",
-        instead=Later("studies.turnover.run:show_live"),
+        first=Later("studies.turnover.run:show_live"),
     ),
     _study(
         "frequency",
@@ -111,15 +111,16 @@ _RECORDS = (
         YES,
         flag("--any-version", "go on although code or versions have changed"),
         flag("--tune", "search the gains of the file's section `tune` instead", to=()),
-        Option("--watch", to=("instead",), type=Path, metavar="FILE", help="show a running campaign.sqlite"),
+        Option("--watch", to=("first",), type=Path, metavar="FILE", help="show a running campaign.sqlite"),
         Option("--analyse", to=_LOOK, type=Path, metavar="FILE", help=_ANALYSE),
-        Option("--export", to=("instead",), type=Path, nargs=2, metavar=("FILE", "TO"), help=_EXPORT),
-        flag("--salvage", "of a damaged file export what is sound", to=("instead",)),
+        Option("--export", to=("first",), type=Path, nargs=2, metavar=("FILE", "TO"), help=_EXPORT),
+        flag("--salvage", "of a damaged file export what is sound", to=("first",)),
+        JSON,
         JOBS,
         run=Later("campaign.study:fly"),
         figures=nothing,
         tables=Later("campaign.study:tables"),
-        instead=Later("campaign.study:show"),
+        first=Later("campaign.study:show"),
         otherwise={"tune": "tuning"},
     ),
     _study(

@@ -84,6 +84,7 @@ ARCHITECTURE = Option(
     metavar="A",
     help=f"controllers to run (all of {', '.join(ARCHITECTURES)})",
 )
+JSON = flag("--json", "print the results as JSON, and nothing else", to=("first",))
 YES = flag("--yes", "even if it takes longer than limit_hours, or a flip than half an hour")
 JOBS = Option("--jobs", type=positive, metavar="N", help="processes side by side (one per core)")
 
@@ -108,7 +109,8 @@ class Study:
         command: name of its command; '' where it has none of its own.
         file: name of its summary.
         success: what is judged, and the words for success.
-        instead: instead(scenario, **options) does what some options ask for in place of a run; whether it did.
+        first: first(scenario, **options) does what some options ask for before a run, or in its place: then what is
+            shown of it, None where the run is to follow.
         otherwise: {option: study} that runs in its place where the option is given.
         stored: stored(scenario, out, **options) gives the summary of an earlier run that would come out the same.
         work: what one of its runs costs, by the fields of the scenario; above a limit it needs --yes.
@@ -125,7 +127,7 @@ class Study:
     command: str
     file: str = "summary.json"
     success: tuple[str, str] = ("block", "turned over")
-    instead: Callable[..., bool] | None = None
+    first: Callable[..., list[Any] | None] | None = None
     otherwise: Mapping[str, str] = field(default_factory=dict)
     stored: Callable[..., Any] | None = None
     work: Work = flip_work

@@ -11,7 +11,7 @@ SHORT = IDEAL.with_overrides({"simulation.hold_time": 0.05, "simulation.settle_t
 
 
 def test_the_simulation_waits_for_a_browser_and_moves_what_it_sees(monkeypatch):
-    seen, servers, polls = [], [], []
+    servers, polls = [], []
 
     class Watched(Meshcat):
         def __init__(self, parameters):
@@ -25,13 +25,20 @@ def test_the_simulation_waits_for_a_browser_and_moves_what_it_sees(monkeypatch):
     monkeypatch.setattr(live, "Meshcat", Watched)
     monkeypatch.setattr(live, "SPEED", 50.0)
     told = []
-    live.show_live(
-        SHORT, ["pd+ff+dob"], announce=told.append, wait=lambda: seen.append(servers[0].HasPath("visualizer/block"))
-    )
+    live.show_live(SHORT, ["pd+ff+dob"], announce=told.append)
     assert len(polls) > 2, "it waited"
     assert "watch at http://localhost" in told[0]
-    assert told[1].startswith("pd+ff+dob: ") and "Ctrl-C" in told[2]
-    assert seen == [True], "the block is in the viewer, and the server lives until `wait` returns"
+    assert told[1].startswith("pd+ff+dob: ") and len(told) == 2, "and it ends by itself"
+    assert servers[0].HasPath("visualizer/block"), "the block is in the viewer"
+
+
+def test_without_a_browser_it_says_so_and_ends(monkeypatch, capsys):
+    monkeypatch.setattr(live, "PATIENCE", 0.05)
+    monkeypatch.setattr(live, "plan_motion", lambda scenario: None)
+    monkeypatch.setattr(live, "simulate_loop", None)  # nothing is simulated
+    live.show_live(SHORT, ["pd+ff+dob"])
+    out, err = capsys.readouterr()
+    assert out == "" and "no browser came within 0.05 s; going on without" in err
 
 
 def test_a_taken_port_is_said(monkeypatch):

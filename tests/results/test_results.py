@@ -16,11 +16,11 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from synthetic import END, MOTION, RELEASE, recording
 
-from flipdiagram.campaign.dataset import unit_of
 from flipdiagram.errors import InputError
 from flipdiagram.figures.style import STYLES
 from flipdiagram.files import write_summary
 from flipdiagram.flips.outcome import Outcome
+from flipdiagram.grid import unit_of
 from flipdiagram.planning.plan import Plan
 from flipdiagram.results import compare, info, open_result, run_study
 from flipdiagram.results.signals import components, pretty

@@ -40,7 +40,7 @@ def variation_grid(summary: Summary) -> Grid:
         rows.append([row["group"], row["name"], verdicts, *numbers, fragile])
     verdicts = f"turned over ({', '.join(ARCHITECTURES)})"
     headings = ["group", "changed", verdicts, *NUMBERS, "verdict differs for"]
-    return Grid(headings, rows, title="numbers of pd+ff+dob", right=list(NUMBERS))
+    return Grid(headings, rows, title="numbers of pd+ff+dob", right=list(NUMBERS), keys=2)
 
 
 def _text(value: float | None, factor: float, digits: int) -> str:

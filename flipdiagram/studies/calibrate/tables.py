@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from flipdiagram.grid import Grid, number
+from flipdiagram.scenario.scenario import with_unit
 from flipdiagram.studies.study import Summary
 
 MOST = 12
@@ -26,7 +27,7 @@ def unknown_grid(summary: Summary) -> Grid:
     coverage = summary["recovered"]["unknowns"]
     rows = [
         [
-            f"`{row['name']}`",
+            f"`{with_unit(row['name'])}`",
             _value(row["base"]),
             _interval(row["posterior"]),
             _interval(row["rejection"]),
@@ -44,8 +45,8 @@ def prediction_grid(summary: Summary) -> Grid:
     """A row for each number of the paper and for each start, a column for each scenario."""
     rows = [
         [
-            row["name"],
-            f"{row['paper']:g} {row['unit']}",
+            f"{row['name']} [{row['unit']}]",
+            f"{row['paper']:g}",
             *map(_number, row["scenarios"].values()),
             _interval(row["prior"]),
             _interval(row["posterior"]),

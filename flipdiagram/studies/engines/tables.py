@@ -1,6 +1,7 @@
 """Where two engines agree, as tables."""
 
 from flipdiagram.grid import Grid, number
+from flipdiagram.scenario.scenario import with_unit
 from flipdiagram.studies.study import Summary
 
 MOST = 30
@@ -43,13 +44,13 @@ def difference_grid(summary: Summary) -> Grid:
     ]
     first = f"the first {MOST} of " if len(differ) > MOST else ""
     title = f"flips with other verdicts ({first}{len(differ)})"
-    return Grid(["trial", "architecture", *engines, *(f"`{p}`" for p in shown)], rows, title, ["trial"])
+    return Grid(["trial", "architecture", *engines, *(f"`{with_unit(p)}`" for p in shown)], rows, title, ["trial"])
 
 
 def parameter_grid(summary: Summary) -> Grid:
     """What tells the worlds apart in which the verdicts differ."""
     rows = [
-        [f"`{row['name']}`", number(row["equal"]), number(row["other"]), f"{row['p_holm']:.2g}"]
+        [f"`{with_unit(row['name'])}`", number(row["equal"]), number(row["other"]), f"{row['p_holm']:.2g}"]
         for row in summary["parameters"]
     ]
     headings = ["parameter", "median, same verdict", "median, other verdict", "p (Kolmogorov-Smirnov, Holm)"]

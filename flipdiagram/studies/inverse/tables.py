@@ -1,6 +1,7 @@
 """The search for E1 as tables."""
 
 from flipdiagram.grid import Grid, number
+from flipdiagram.scenario.scenario import with_unit
 from flipdiagram.studies.inverse.search import KEPT
 from flipdiagram.studies.study import Summary
 
@@ -39,7 +40,7 @@ def region_grid(summary: Summary) -> Grid:
         else:
             low, middle, high = map(number, row["interval"])
             found = f"{middle} ({low}–{high})"
-        rows.append([f"`{row['name']}`", box, found])
+        rows.append([f"`{with_unit(row['name'])}`", box, found])
     return Grid(
         ["field", "box", "there (5–95 %)"], rows, "where the worlds lie in which E1 holds as the paper tells", []
     )
@@ -48,7 +49,10 @@ def region_grid(summary: Summary) -> Grid:
 def smallest_grid(summary: Summary) -> Grid:
     """What has to be other than in the base."""
     smallest = summary["smallest"] or {"values": {}, "base": {}}
-    rows = [[f"`{name}`", _text(smallest["base"][name]), _text(value)] for name, value in smallest["values"].items()]
+    rows = [
+        [f"`{with_unit(name)}`", _text(smallest["base"][name]), _text(value)]
+        for name, value in smallest["values"].items()
+    ]
     return Grid(["field", "base", "there"], rows, "the smallest change of the base that does it", [])
 
 

@@ -23,10 +23,10 @@ def tables(summary: Summary) -> list[Grid]:
             if "replanning" in run
         ]
     title = "J of the landing, position RMSE, slip of the block; or why it was lost"
-    grids = [Grid(["disturbance", "plan", *(f"`{name}`" for name in ARCHITECTURES)], rows, title)]
+    grids = [Grid(["disturbance", "plan", *(f"`{name}`" for name in ARCHITECTURES)], rows, title, keys=2)]
     if loop:
         head = ["disturbance", "plan", "architecture", *REPLANNING]
-        grids.append(Grid(head, loop, "planning in the running loop", REPLANNING))
+        grids.append(Grid(head, loop, "planning in the running loop", REPLANNING, keys=2))
     return [*grids, _worlds(summary["worlds"])]
 
 
@@ -52,7 +52,7 @@ def _worlds(worlds: Mapping[str, Any]) -> Grid:
         rows.append(row)
     head = ["architecture", "plan", "turned over", "95 % (Wilson)", "only this : only once", "p (McNemar)"]
     head += ["J, median\ndifference", "position RMSE,\nmedian difference [cm]", "p (Wilcoxon)"]
-    return Grid(head, sorted(rows), f"{worlds['count']} random worlds, each flown in every way", head[2:])
+    return Grid(head, sorted(rows), f"{worlds['count']} random worlds, each flown in every way", head[2:], keys=2)
 
 
 def _shift(entry: Mapping[str, Any], factor: float, form: str) -> str:

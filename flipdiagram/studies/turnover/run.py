@@ -20,13 +20,12 @@ QUICK_HOLD = 1.0
 """Hold time [s] of a quick run: the observer has settled to within exp(−12.6), the PD's slow pole only to exp(−2.9)."""
 
 
-def show_live(scenario: Scenario, *, architectures: Sequence[str], meshcat: bool) -> bool:
-    """Simulate in a browser where that is asked for; whether it was."""
+def show_live(scenario: Scenario, *, architectures: Sequence[str], meshcat: bool) -> None:
+    """Simulate in a browser first, where that is asked for."""
     if meshcat:
         from flipdiagram.rendering.live import show_live
 
         show_live(scenario, architectures)
-    return meshcat
 
 
 def run(
