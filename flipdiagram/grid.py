@@ -132,7 +132,7 @@ class Grid:
 LEAST, LONGEST = 22, 30
 """Characters to which a column of sentences may be narrowed, one of numbers or names never is; and of a word that stays
 whole in it, if it is no key."""
-_WORD = re.compile(r"\[[^\]]*\]|[^\s\d]*\d\S* (?:N m|[mr]ad/s²?|[kcm]?m/s²?|[cm]?m|m?s|rad|N|k?g|%|°)(?!\w)\S*|\S+")
+_WORD = re.compile(r"\[[^\]]*\]\S*|[^\s\d]*\d\S* (?:N m|[mr]ad/s²?|[kcm]?m/s²?|[cm]?m|m?s|rad|N|k?g|%|°)(?!\w)\S*|\S+")
 EDGE = 3
 """Characters that a column costs beside its text; one more closes the table."""
 

@@ -7,7 +7,7 @@ knows its derivatives (``linear``).
 """
 
 from flipdiagram.compiled.batch import BatchDiagram, Run
-from flipdiagram.compiled.diagram import CompiledDiagram, compile_diagram
+from flipdiagram.compiled.diagram import CompiledDiagram, SlowWarning, compile_diagram
 from flipdiagram.compiled.fallback import SimulatedDiagram
 from flipdiagram.compiled.linear import Linearization
 from flipdiagram.errors import NotCompilable
@@ -19,5 +19,6 @@ __all__ = [
     "NotCompilable",
     "Run",
     "SimulatedDiagram",
+    "SlowWarning",
     "compile_diagram",
 ]

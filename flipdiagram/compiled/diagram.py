@@ -1,5 +1,6 @@
 """``compile_diagram``: a Drake Diagram as a native loop over many channels."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -55,6 +56,10 @@ class CompiledDiagram(BatchDiagram):
         return run_kernel(self._kernel, given, columns, rows, every, threads)
 
 
+class SlowWarning(UserWarning):
+    """A diagram has no compiled form, and is run without."""
+
+
 def compile_diagram(
     diagram: Any,
     *,
@@ -95,7 +100,8 @@ def compile_diagram(
         diagram: a Diagram, or a single System, over float.
         tie: names of your own for parameters that are always equal, such as {"omega": ["command.0", "meter.1"]}; what
             is computed from them is then computed once.
-        fallback: a diagram that has no compiled form is run by Drake's Simulator, one channel at a time.
+        fallback: a diagram that has no compiled form is run by Drake's Simulator, one channel at a time; a SlowWarning
+            says so and why, a line on a terminal's stderr how far it is.
         period: tick of the fallback [s] where its blocks share none.
         check: updates, each from the state of Drake's Simulator, to compare with it before the diagram is handed over,
             to 1e-10 of the larger number, or 1e-14 of the largest state or output; 0: none.
@@ -111,7 +117,9 @@ def compile_diagram(
         if check:
             check_against_drake(compiled, check)
         return compiled
-    except NotCompilable:
+    except NotCompilable as reason:
         if not fallback:
             raise
-        return SimulatedDiagram(layout, period)
+        simulated = SimulatedDiagram(layout, period)
+        warnings.warn(f"{reason}; Drake's Simulator runs it, thousands of times slower", SlowWarning, stacklevel=2)
+        return simulated

@@ -1,5 +1,6 @@
 """The same interface on Drake's Simulator: any diagram, one channel after another."""
 
+import sys
 from typing import Any, NoReturn
 
 import numpy as np
@@ -37,8 +38,14 @@ class SimulatedDiagram(BatchDiagram):
     ) -> tuple[Floats, Floats]:
         """See ``BatchDiagram.advance``."""
         final, log = given.state.copy(), np.full((len(given.state), rows, columns.size), np.nan)
+        watched = sys.stderr.isatty()
         for c in range(given.ticks.size):
+            if watched:
+                sys.stderr.write(f"\rDrake's Simulator: channel {c + 1} of {given.ticks.size} ")
+                sys.stderr.flush()
             self._advance_one(given, c, columns, every, final[c], log[c])
+        if watched:
+            sys.stderr.write("\r\x1b[K")
         return final, log
 
     def _advance_one(self, given: Channels, c: int, columns: Indices, every: int, state: Floats, log: Floats) -> None:

@@ -1,6 +1,7 @@
 """From a scenario to a Plan: a search over the horizons, each settled by successive convexification."""
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -30,8 +31,10 @@ CORRECTIONS = 2
 class Planner:
     """Plans the flip of one scenario.  The program is built here, once; `plan` searches and solves."""
 
-    def __init__(self, scenario: Scenario, arm: ArmModel | None = None) -> None:
-        self.scenario = scenario
+    def __init__(
+        self, scenario: Scenario, arm: ArmModel | None = None, progress: Callable[[str], object] = lambda text: None
+    ) -> None:
+        self.scenario, self._progress = scenario, progress
         self.arm = arm or arm_of(scenario)
         self.horizons = Convexification(scenario, self.arm)
 
@@ -79,6 +82,8 @@ class Planner:
                 tried[key] = self.horizons.settle(point, SEARCH_ANGLE_TOLERANCE, SEARCH_ITERATIONS)
                 if nearest is None or tried[key].rank < nearest.rank:
                     nearest = tried[key]
+                found = "no motion yet" if nearest.shortfall else f"best J = {nearest.cost:.3f}"
+                self._progress(f"planning: {len(tried)} horizons tried, {found}")
             return tried[key]
 
         best = attempt(most, (low + high) // 2)
@@ -150,6 +155,9 @@ class Planner:
         return limits.limit_use(motion, self.arm)
 
 
-def plan_motion(scenario: Scenario) -> Plan:
-    """Plan the flip of a scenario; raises PlanningError naming the constraint that cannot be met."""
-    return Planner(scenario).plan()
+def plan_motion(scenario: Scenario, progress: Callable[[str], object] = lambda text: None) -> Plan:
+    """Plan the flip of a scenario, telling `progress` how far it is.
+
+    Raises PlanningError naming the constraint that cannot be met.
+    """
+    return Planner(scenario, progress=progress).plan()

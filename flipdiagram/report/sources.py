@@ -4,17 +4,10 @@ import re
 
 from flipdiagram.grid import Grid
 from flipdiagram.robot.model_files import urdf_directory
-from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.scenario.scenario import ORIGINS, Scenario
 from flipdiagram.scenario.text import fields_of, unit_of
 from flipdiagram.scenario.yaml_reader import show
 
-ORIGINS = {
-    "p": "the paper",
-    "H": "published data, high confidence",
-    "M": "published data, medium confidence",
-    "L": "published data or memory, low confidence",
-    "o": "our choice",
-}
 NOT_ASSUMED = ("frequency",)
 """Sections that say how a study measures, not what it assumes."""
 

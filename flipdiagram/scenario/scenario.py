@@ -32,6 +32,24 @@ from flipdiagram.scenario.yaml_reader import read_mapping, show
 
 FILES = ("arm.file", "tool.file", "object.file")
 """Fields that name a model file."""
+ORIGINS = {
+    "p": "the paper",
+    "H": "published data, high confidence",
+    "M": "published data, medium confidence",
+    "L": "published data or memory, low confidence",
+    "o": "our choice",
+}
+"""What the marks in the texts of the fields say of where a default comes from; `c` is another, see LEGEND."""
+LEGEND = "\n".join(
+    [
+        "# Behind each field: what it is, (where its default comes from), [its unit, and what is valid].",
+        *(f"# ({mark}) {text}" for mark, text in ORIGINS.items()),
+        "# (c: low to high) what `flipdiagram calibrate` left of what nobody tells: 5 to 95 %, or a share",
+        "# no mark: our choice, or a neutral value that changes nothing; [1] a number without a unit",
+        "",
+    ]
+)
+"""What stands above the fields."""
 ENCODER_BITS = 13
 """Of the encoders of the MH3F's motors (H: 13 to 16)."""
 LEAD_TIMES = {"equilibrium": 0.1, "hold": 2.0, "switch-on": 0.0}
@@ -189,8 +207,8 @@ class Scenario(Section):
         return self.with_overrides(fields | {"task.target_y": start[1] + sign * math.hypot(dx, dy)})
 
     def to_yaml(self, comments: bool = False) -> str:
-        """YAML that `from_yaml` reads back exactly; with comments, each field's text and unit."""
-        return dump(self, comments)
+        """YAML that `from_yaml` reads back exactly; with comments, each field's text and unit, and what they mean."""
+        return (LEGEND if comments else "") + dump(self, comments)
 
 
 def farthest(scenario: Scenario, sections: Collection[str], most: int = 3) -> list[str]:

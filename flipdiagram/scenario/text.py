@@ -37,9 +37,11 @@ def unit_of(field: FieldInfo) -> str:
 
 
 def explain(field: FieldInfo) -> str:
-    """What a field is, 'text [unit, lowest to highest]', for comments and help."""
-    spans = [f"{low:.10g} to {high:.10g}" for low, high in dict.fromkeys(spans_of(field))]
-    unit = ", ".join(word for word in (unit_of(field), " or ".join(spans)) if word)
+    """What a field is, 'text [unit, lowest to highest]' or 'text [one or another]', for comments and help."""
+    valid = [f"{low:.10g} to {high:.10g}" for low, high in dict.fromkeys(spans_of(field))]
+    kind, _ = _kind(field)
+    valid += map(str, get_args(kind)) if get_origin(kind) is Literal else ["true", "false"] if kind is bool else []
+    unit = ", ".join(word for word in ("" if kind is bool else unit_of(field), " or ".join(valid)) if word)
     return f"{field.description or ''} [{unit}]" if unit else field.description or ""
 
 

@@ -1,5 +1,7 @@
 """What has no compiled form says so: which block, and why. Drake's Simulator takes it then."""
 
+import io
+import sys
 from typing import Any
 
 import numpy as np
@@ -11,7 +13,7 @@ from pydrake.systems.primitives import Gain, Integrator, ZeroOrderHold
 from pydrake.systems.scalar_conversion import TemplateSystem
 from sampled_diagrams import PERIOD, PLANT_PARAMETERS, Stepper, expressions_block, one_axis_loop, saturated_loop, single
 
-from flipdiagram.compiled import CompiledDiagram, NotCompilable, SimulatedDiagram, compile_diagram
+from flipdiagram.compiled import CompiledDiagram, NotCompilable, SimulatedDiagram, SlowWarning, compile_diagram
 from flipdiagram.errors import InputError
 
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
@@ -137,7 +139,8 @@ def test_fallback_equals_compiled():
 
 def test_a_diagram_without_compiled_form_falls_back_to_the_simulator():
     diagram = held(Integrator(1), "integrator")
-    simulated = compile_diagram(diagram, fallback=True)
+    with pytest.warns(SlowWarning, match="integrator.*; Drake's Simulator runs it, thousands of times slower"):
+        simulated = compile_diagram(diagram, fallback=True)
     assert isinstance(simulated, SimulatedDiagram) and simulated.period == PERIOD
     run = simulated.run(2000, inputs={"in0": [1.0, -2.0]}, log=["integrator"], every=500)
     np.testing.assert_allclose(run.state["integrator"][:, 0], [2.0, -4.0], rtol=1e-9)
@@ -146,11 +149,22 @@ def test_a_diagram_without_compiled_form_falls_back_to_the_simulator():
         simulated.linearize()
 
 
+def test_a_terminal_sees_how_far_the_simulator_is(monkeypatch):
+    with pytest.warns(SlowWarning):
+        simulated = compile_diagram(held(Integrator(1), "integrator"), fallback=True)
+    screen = io.StringIO()
+    monkeypatch.setattr(screen, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stderr", screen)
+    simulated.run(2, inputs={"in0": [1.0, -2.0]})
+    assert "channel 1 of 2" in screen.getvalue() and "channel 2 of 2" in screen.getvalue()
+
+
 def test_several_periods_fall_back_with_a_tick_of_the_callers():
     diagram = held(Gain(2.0, 1), "gain", 0.125, 0.25)
     with pytest.raises(InputError, match="several periods.*give the period of a tick"):
         compile_diagram(diagram, fallback=True)
-    simulated = compile_diagram(diagram, fallback=True, period=0.125)
+    with pytest.warns(SlowWarning, match="several periods"):
+        simulated = compile_diagram(diagram, fallback=True, period=0.125)
     assert simulated.run(4, inputs={"in0": 3.0}).final.tolist() == [[6.0, 6.0]]
     with pytest.raises(InputError, match="period = 0.0"):
         compile_diagram(diagram, fallback=True, period=0.0)

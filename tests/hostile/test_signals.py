@@ -162,5 +162,7 @@ def test_a_reader_of_a_table_that_leaves_early_is_no_error(tmp_path, monkeypatch
     os.close(read)
     with open(write, "w", encoding="utf-8") as pipe:
         monkeypatch.setattr(sys, "stdout", pipe)
-        monkeypatch.setattr(cli.commands, "scenario", lambda *_: cli.commands.show(Grid(["a"], [["b"]])))
+        monkeypatch.setattr(
+            cli.commands, "scenario", lambda options, _: cli.commands.show(options, [Grid(["a"], [["b"]])])
+        )
         assert cli.main(["scenario"]) == 0

@@ -573,8 +573,8 @@ def test_plans_come_back_as_plans(tmp_path):
     assert open_result(tmp_path).cost == open_result(tmp_path / "plan.json").cost == 2.5
     summary_file(tmp_path, "plan", {"plan": a_plan(2.5).summary()})
     assert open_result(tmp_path).cost == 2.5
-    assert ("plan cost_J", "2.5") in info(tmp_path).rows
-    assert ("cost_J", "2.5") in info(tmp_path / "plan.json").rows
+    assert ("plan, cost J", "2.5") in info(tmp_path).rows
+    assert ("cost J", "2.5") in info(tmp_path / "plan.json").rows
     (tmp_path / "plan.json").unlink()
     with pytest.raises(InputError, match="plan.json"):
         open_result(tmp_path)

@@ -1,5 +1,6 @@
 import math
 import re
+from typing import get_args
 
 import pytest
 from hypothesis import given
@@ -107,6 +108,17 @@ def test_every_number_has_a_lowest_and_a_highest_value_and_says_both():
         for low, high in spans:
             assert -math.inf < low < high < math.inf, path
             assert f"{low:.10g} to {high:.10g}]" in text, path
+
+
+def test_the_printed_scenario_explains_its_marks_and_lists_the_choices():
+    text = Scenario().to_yaml(comments=True)
+    legend, _, fields = text.partition("\narm:\n")
+    used = {mark[0] for mark in re.findall(r"\(([pHMLoc])(?:: [^)]*)?\)", fields)}
+    assert used == {mark for mark in "pHMLoc" if f"# ({mark}" in legend} - {"M"} and legend.count("\n") < 10
+    for field in fields_of(Scenario).values():
+        if choices := [value for value in get_args(field.annotation) if isinstance(value, str)]:
+            assert f"[{' or '.join(choices)}]" in fields
+    assert from_yaml(text) == Scenario()
 
 
 # Each row: YAML, then what its one line must contain.

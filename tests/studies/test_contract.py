@@ -47,7 +47,7 @@ def test_the_records_import_nothing_heavy():
 
 @pytest.mark.parametrize("study", STUDIES.values(), ids=STUDIES)
 def test_every_function_of_a_record_exists(study):
-    for part in (study.run, study.figures, study.tables, study.read, study.instead, study.stored):
+    for part in (study.run, study.figures, study.tables, study.read, study.first, study.stored):
         if isinstance(part, Later):
             module, name = part.path.split(":")
             assert callable(getattr(__import__(f"flipdiagram.{module}", fromlist=[name]), name)), part.path
@@ -62,7 +62,7 @@ def test_a_command_has_help_common_options_and_completion(name, capsys):
     assert study.text in flat and f"results (out/{study.name})" in flat
     completed = script("bash")
     for option in study.options:
-        assert set(option.to) <= {"run", "figures", "instead"}
+        assert set(option.to) <= {"run", "figures", "first"}
         assert option.settings["help"].replace("%%", "%") in flat, option.names
         assert all(word in completed for word in option.names if word.startswith("--"))
     given = vars(parser().parse_args([name]))

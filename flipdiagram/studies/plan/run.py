@@ -11,6 +11,6 @@ from flipdiagram.studies.study import Progress, silent
 def run(scenario: Scenario, out: str | Path, *, progress: Progress = silent) -> None:
     """Plan; write plan.json and summary.json.  Raises PlanningError."""
     progress("planning")
-    plan = plan_motion(scenario)
+    plan = plan_motion(scenario, progress)
     write_atomically(Path(out) / "plan.json", plan.to_json())
     write_summary(Path(out) / "summary.json", "plan", scenario, {"plan": plan.summary()})

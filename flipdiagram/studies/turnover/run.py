@@ -53,7 +53,7 @@ def run(
         for _ in range(min(jobs or len(architectures), len(architectures))):
             workers.submit(_import_only, ())
         progress("planning")
-        plan = plan_motion(scenario)
+        plan = plan_motion(scenario, progress)
         progress(f"planned in {plan.solve_time:.2f} s: J = {plan.cost:.3f}; simulating {', '.join(architectures)}")
         write_atomically(folder / "plan.json", plan.to_json())
         runs: dict[int, dict[str, Any]] = {}
