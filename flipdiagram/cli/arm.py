@@ -1,6 +1,5 @@
 """`flipdiagram arm check`: what an arm of the user's own can do, what its file leaves out, and a start that works."""
 
-import json
 import shutil
 import textwrap
 from dataclasses import asdict
@@ -147,16 +146,3 @@ def _start(found: dict[str, Any]) -> str:
 def _folded(text: str) -> str:
     width = min(WIDEST, shutil.get_terminal_size().columns)
     return "\n" + textwrap.fill(text, width, break_long_words=False, break_on_hyphens=False)
-
-
-def to_json(found: dict[str, Any]) -> str:
-    """One JSON object; numbers that are infinite, such as a speed without a limit, as null."""
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {key: plain(item) for key, item in value.items()}
-        if isinstance(value, list):
-            return [plain(item) for item in value]
-        return None if isinstance(value, float) and not np.isfinite(value) else value
-
-    return json.dumps(plain(found), indent=2, ensure_ascii=False, allow_nan=False)

@@ -79,15 +79,12 @@ def diagram(arguments: argparse.Namespace, scenario: Scenario) -> None:
 
 def arm(arguments: argparse.Namespace, scenario: Scenario) -> None:
     """Whether an arm can flip, and what its file leaves out; raises PlanningError after the report where it cannot."""
-    from flipdiagram.cli.arm import check, report, to_json
+    from flipdiagram.cli.arm import check, report
 
     with status(arguments.json) as progress:
         progress("looking at the arm, and planning a flip")
         found, problem = check(scenario)
-    if arguments.json:
-        print(to_json(found))
-    else:
-        show(*report(found))
+    show(arguments, report(found), found)
     if problem is not None:
         raise problem
 

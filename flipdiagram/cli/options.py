@@ -72,7 +72,6 @@ def parser() -> argparse.ArgumentParser:
     arm.add_argument("action", choices=("check",), help="what to do with it")
     what = "URDF, SDF or MJCF; --arm.base and --arm.flange name its links (the scenario's arm)"
     arm.add_argument("arm.file", nargs="?", metavar="FILE", help=what)
-    arm.add_argument("--json", action="store_true", help="print what was found as JSON")
 
     info = add("info", "Say what a result file holds: recording, summary, plan or campaign.", scenario=False)
     what = "a .nc, .json or campaign.sqlite, an exported campaign, or a folder of results"
