@@ -108,6 +108,7 @@ def test_scenario_and_plan_run_in_another_folder(environment, tmp_path):
     assert "mass: 0.061" in run(environment / "flipdiagram", "scenario", cwd=tmp_path).stdout
     assert "planned motion" in run(environment / "flipdiagram", "plan", cwd=tmp_path).stdout
     assert {path.name for path in (tmp_path / "out" / "plan").iterdir()} == {
+        ".flipdiagram",
         "plan.json",
         "plan.png",
         "plan.svg",
