@@ -2,6 +2,7 @@
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from flipdiagram.cli.commands import show
 from flipdiagram.compiled.linearize import linearize_diagram
@@ -36,13 +37,19 @@ def poles(arguments: argparse.Namespace, scenario: Scenario) -> None:
         about = "arm at its start"
     found = listed(linear.poles(), linear.dt)
     title = f"Poles of {architecture}, {about}, sampled every {1e3 * linear.dt:g} ms"
-    show(Grid(HEADINGS, [_row(pole) for pole in found], title, right=HEADINGS), _verdict(found))
+    parts: list[Grid | str] = [Grid(HEADINGS, [_row(pole) for pole in found], title, right=HEADINGS), _verdict(found)]
     if out is not None:
         from flipdiagram.figures.poles import draw_poles
 
         with atomic_path(out) as temporary:
             draw_poles(found, architecture, title).savefig(temporary, format=out.suffix[1:].lower(), dpi=150)
-        print(f"{out} written")
+        parts.append(f"{out} written")
+    show(arguments, parts, {"title": title, "period_s": linear.dt, "poles": [_data(pole) for pole in found]})
+
+
+def _data(pole: Pole) -> dict[str, Any]:
+    numbers = {"real": pole.z.real, "imaginary": pole.z.imag, "omega_rad_s": pole.omega, "damping": pole.damping}
+    return numbers | {"count": pole.count, "stable": pole.stable}
 
 
 def _row(pole: Pole) -> list[str]:
