@@ -6,6 +6,7 @@ import runpy
 from pathlib import Path
 
 import pytest
+from test_howtos import PAGES as TESTED_THERE
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -30,9 +31,10 @@ def test_a_snippet_runs_and_prints(snippet, capsys):
 
 OWN = {name: [snippet for snippet in snippets_of(text) if snippet not in SNIPPETS] for name, text in PAGES.items()}
 """Those of each page that the README does not have too."""
+ELSEWHERE = {f"how-to/{page}" for page in TESTED_THERE}
 
 
-@pytest.mark.parametrize("name", [name for name, snippets in OWN.items() if snippets])
+@pytest.mark.parametrize("name", [name for name, snippets in OWN.items() if snippets and name not in ELSEWHERE])
 def test_the_snippets_of_a_page_run_one_after_another(name, capsys):
     namespace = {"__name__": "__main__"}
     for snippet in OWN[name]:
