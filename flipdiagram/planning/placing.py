@@ -1,7 +1,8 @@
 """Plan of laying an object down: stick, slide, and away with the blade (eqs. (7) and (8)).
 
-1. carry: from the start to above the table, tilted just below the friction angle, the object sticking (7);
-2. tilt beyond the friction angle about the blade's lower edge: the object slides, |φ| between ϕ and π/2 (8);
+1. carry: from the start to above the table, tilted just below the friction angle, the object sticking (7); the blade
+   stops as high above it as a flip keeps it, because the servo lags most where a fast motion ends;
+2. sink to the table while tilting beyond the friction angle: the object slides, |φ| between ϕ and π/2 (8);
 3. wait until its lower edge stands on the table, and draw the blade away along itself.
 """
 
@@ -80,7 +81,8 @@ class Placer:
         way = self._way(beyond)
         slide = Slide(beyond, mu, way)
         edge_y = settings.target_y - geometry.half_length  # where the object's lower edge shall stand
-        above, tilted = self._pose(below, edge_y, way), self._pose(beyond, edge_y, way)
+        above = self._pose(below, edge_y, way, self._carried_above)
+        tilted = self._pose(beyond, edge_y, way, settings.edge_clearance)
         away = tilted + settings.retreat * np.array([np.cos(beyond), np.sin(beyond), 0.0])
         times = settings.tilt_time, slide.duration + settings.wait, settings.retreat_time
         samples = carry_samples, *(max(4, round(t / dt)) for t in times)
@@ -88,9 +90,9 @@ class Placer:
         still = np.tile([*tilted, 0.0, 0.0, 0.0], (waiting.intervals + 1, 1))
         pieces = [
             segment(start, above, self.carrying(carry), carry, dt),
-            segment(above, tilted, self._free(tilt), tilt, dt),
+            segment(above, tilted, self._free(tilt, settings.edge_clearance), tilt, dt),
             (still, np.zeros((waiting.intervals, 3))),
-            segment(tilted, away, self._free(retreat), retreat, dt),
+            segment(tilted, away, self._free(retreat, settings.edge_clearance), retreat, dt),
         ]
         states = np.vstack([pieces[0][0], *(piece[0][1:] for piece in pieces[1:])])
         inputs = np.vstack([piece[1] for piece in pieces])
@@ -107,21 +109,29 @@ class Placer:
         over = (self.settings.edge_clearance + g.blade_thickness * np.cos(tilt)) / np.sin(tilt)
         return float(g.half_blade - g.half_length + over)
 
-    def _pose(self, tilt: float, edge_y: float, way: float) -> Floats:
-        """(y, z, θ) of the control point with the blade's lower edge above the table, where the object's edge lands."""
+    @property
+    def _carried_above(self) -> float:
+        """How far above the table the blade stays while it carries [m]."""
+        return max(self.scenario.planner.table_clearance, self.settings.edge_clearance)
+
+    def _pose(self, tilt: float, edge_y: float, way: float, above: float) -> Floats:
+        """(y, z, θ) of the control point with the blade's lower edge that far above the table [m], in line with where
+        the object's edge lands.
+        """
         g, table = self.geometry, self.scenario.table.height
         s, n = contact.tool_tangent(tilt), contact.tool_normal(tilt)
-        middle_z = table + self.settings.edge_clearance + g.half_blade * s[1] + g.blade_thickness * n[1]
+        middle_z = table + above + g.half_blade * s[1] + g.blade_thickness * n[1]
         middle_y = edge_y + (way + g.half_length) * s[0]
         return np.array([middle_y, middle_z, 0.0]) + np.array([*(g.half_thickness * n), tilt])
 
     def carrying(self, layout: Layout, shift: float = 0.0) -> list[Constraint]:
         """Constraints while the object sticks; shift: how far it sits from the middle of the blade along s [m]."""
-        return constraints.contact(layout, self.scenario, np.arange(layout.intervals)) + self._free(layout, shift)
+        sticks = constraints.contact(layout, self.scenario, np.arange(layout.intervals))
+        return sticks + self._free(layout, self._carried_above, shift)
 
-    def _free(self, layout: Layout, shift: float = 0.0) -> list[Constraint]:
-        """The workspace, and every corner of the blade above the table."""
-        g, floor = self.geometry, self.scenario.table.height + self.settings.edge_clearance / 2
+    def _free(self, layout: Layout, above: float, shift: float = 0.0) -> list[Constraint]:
+        """The workspace, and every corner of the blade that far above the table, less half of the edge's clearance."""
+        g, floor = self.geometry, self.scenario.table.height + above - self.settings.edge_clearance / 2
         lower = [(s - shift, n) for s, n in g.blade if n < -g.half_thickness]
         return [
             *constraints.workspace(layout, self.scenario, np.arange(1, layout.intervals + 1)),

@@ -16,8 +16,8 @@ from flipdiagram.results import plots
 from flipdiagram.results.signals import components
 from flipdiagram.scenario import scenario
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.simulation import metrics
 from flipdiagram.simulation.metrics import FlipMetrics
+from flipdiagram.simulation.placement import PlaceMetrics, measure_by_kind
 from flipdiagram.simulation.recording_files import check_recording
 
 
@@ -47,9 +47,9 @@ class FlipAccessor:
         """Cone use [1], centre of pressure [mm], normal force [N], slip [mm] while carried, planned and realised."""
         return plots.plot_margins(check_recording(self._data), ax)
 
-    def metrics(self) -> FlipMetrics:
-        """What `flipdiagram flip` measures of the recording."""
-        return metrics.measure(check_recording(self._data))
+    def metrics(self) -> FlipMetrics | PlaceMetrics:
+        """What `flipdiagram flip` measures of the recording, or `flipdiagram place` where that recorded it."""
+        return measure_by_kind(check_recording(self._data))
 
     @property
     def scenario(self) -> Scenario:

@@ -15,7 +15,7 @@ from flipdiagram.results.comparison import Comparison, SignalDifference, at_comm
 from flipdiagram.results.differences import Change, changes, comparable, leaves
 from flipdiagram.results.opening import CAMPAIGN, Source, kind_of, read
 from flipdiagram.results.signals import components, field_unit, flat, scenario_fields
-from flipdiagram.simulation.metrics import measure
+from flipdiagram.simulation.placement import measure_by_kind
 from flipdiagram.simulation.recording_files import check_recording
 from flipdiagram.simulation.simulate import Run
 from flipdiagram.studies.frequency.response import FrequencyResponse
@@ -133,9 +133,11 @@ def _signal_difference(one: xr.DataArray, other: xr.DataArray) -> SignalDifferen
 
 def _measured(data: xr.Dataset) -> dict[str, Any]:
     """Metrics by name, the torque of each joint by the joint's."""
-    metrics = measure(data).as_dict()
-    torques = zip(data["joint"].values, metrics.pop("max_torque_Nm"), strict=True)
-    return leaves(metrics) | {f"max_torque_Nm[{joint}]": torque for joint, torque in torques}
+    metrics = measure_by_kind(data).as_dict()
+    if (torques := metrics.pop("max_torque_Nm", None)) is None:  # of a placement
+        return leaves(metrics)
+    by_joint = zip(data["joint"].values, torques, strict=True)
+    return leaves(metrics) | {f"max_torque_Nm[{joint}]": torque for joint, torque in by_joint}
 
 
 def _fields(a: dict[str, Any], b: dict[str, Any]) -> tuple[Change, ...]:

@@ -13,7 +13,9 @@ from flipdiagram.planning.plan import Plan
 from flipdiagram.results.opening import BROKEN, CAMPAIGN, AnyPath, Source, damaged, read
 from flipdiagram.results.signals import components, flat, scenario_fields
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.simulation.metrics import measure
+from flipdiagram.simulation.metrics import FlipMetrics
+from flipdiagram.simulation.placement import PlaceMetrics, measure_by_kind
+from flipdiagram.simulation.recording import kind_of
 from flipdiagram.studies.registry import STUDIES
 from flipdiagram.studies.study import Study
 
@@ -41,32 +43,46 @@ def info(path: AnyPath) -> Grid:
     return Grid(["", source.path.name], rows)
 
 
+STUDY_OF = {"flip": "turnover", "place": "place"}
+"""Whose words a recording is judged in, by its kind."""
+
+
 def _recording(data: xr.Dataset) -> Rows:
-    time, measured = data["time"].values, measure(data)
-    landed = measured.touchdown
-    # a placement carries the study that judged it
-    study = STUDIES.get(str(data.attrs.get("study", "turnover")), STUDIES["turnover"])
-    success = bool(data.attrs.get("success", measured.success))
-    failure = data.attrs.get("failure", measured.failure)
-    end, planned = float(data.attrs["end_time_s"]), float(data.attrs["release_time_s"])
-    landing = f"{landed.time_s:.3f} s at y = {landed.y_m:.4f} m, θ = {landed.theta_rad:.2f} rad" if landed else "none"
+    time, measured, end = data["time"].values, measure_by_kind(data), float(data.attrs["end_time_s"])
+    what, success = STUDIES[STUDY_OF[kind_of(data)]].success
     rows = [
         ("architecture", str(data.attrs["architecture"])),
-        (study.success[0], study.success[1] if success else f"not {study.success[1]}: {failure}"),
-        ("start", f"y = {measured.start_y_m:g} m"),
+        (what, success if measured.success else f"not {success}: {measured.failure}"),
+        ("start", f"y = {data.attrs['start_y_m']:g} m"),
         ("duration", f"{time[-1] - time[0]:.4g} s, {time[0]:.4g} to {time[-1]:.4g} s, motion 0 to {end:.4g} s"),
         ("sampling", f"{len(time)} samples, every {1e3 * (time[1] - time[0]):.4g} ms"),
-        (
-            "release",
-            f"{measured.release_time_s:.3f} s at θ = {measured.release_angle_rad:.2f} rad, planned {planned:.3f} s",
-        ),
-        ("touch-down", landing),
+        *(_placed(measured) if isinstance(measured, PlaceMetrics) else _flown(measured, data)),
         ("position RMSE", f"{100 * measured.position_rmse_m:.3g} cm"),
     ]
     rows += [("engine", str(data.attrs["engine"]))] if "engine" in data.attrs else []
     fields = scenario_fields(data)
     rows += _changed(fields) if fields is not None else [("scenario", "not kept in this file")]
     return rows + _variables(data)
+
+
+def _flown(measured: FlipMetrics, data: xr.Dataset) -> Rows:
+    landed, planned = measured.touchdown, float(data.attrs["release_time_s"])
+    landing = f"{landed.time_s:.3f} s at y = {landed.y_m:.4f} m, θ = {landed.theta_rad:.2f} rad" if landed else "none"
+    angle = f"θ = {measured.release_angle_rad:.2f} rad"
+    release = f"{measured.release_time_s:.3f} s at {angle}, planned {planned:.3f} s"
+    return [("release", release), ("touch-down", landing)]
+
+
+def _placed(measured: PlaceMetrics) -> Rows:
+    landing, strike = "none", "never"
+    if measured.touchdown_time_s is not None:
+        landing = f"{measured.touchdown_time_s:.3f} s with {measured.touchdown_speed_m_s:.2f} m/s"
+    if measured.strike_time_s is not None:
+        force, duration = measured.strike_force_N, 1000 * measured.strike_duration_s
+        strike = f"{force:.0f} N, {duration:.0f} ms, from {measured.strike_time_s:.3f} s"
+    rest = f"{100 * measured.distance_m:.2g} cm from the target, tilted by {measured.tilt_rad:.2g} rad"
+    slid = f"{1000 * measured.slid_m:.3g} mm, planned {1000 * measured.planned_slide_m:.3g} mm"
+    return [("touch-down", landing), ("lies", rest), ("slid on the blade", slid), ("blade on the table", strike)]
 
 
 def _flips(data: xr.Dataset) -> Rows:

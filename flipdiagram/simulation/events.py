@@ -23,6 +23,15 @@ class Touchdown:
     theta_rad: float
 
 
+@dataclass(frozen=True)
+class Strike:
+    """Contact of blade and table: when it began [s], how long they touched in all [s], the largest force [N]."""
+
+    time_s: float
+    duration_s: float
+    force_N: float
+
+
 def touching(data: Recording, pair: str) -> np.ndarray:
     """Whether a pair of bodies ('blade-block', 'table-block', 'table-blade') is in contact, shape (time,)."""
     return np.linalg.norm(data["contact_force"].sel(pair=pair).values, axis=-1) > CONTACT_FORCE
@@ -51,6 +60,16 @@ def strike_index(data: Recording) -> int | None:
     """Sample at which the blade first touches the table after the motion has started; None where it never does."""
     hit = touching(data, "table-blade") & (data["time"].values >= 0)
     return int(np.argmax(hit)) if hit.any() else None
+
+
+def strike_of(data: Recording) -> Strike | None:
+    """How the blade touched the table after the motion had started; None where it never did."""
+    first, time = strike_index(data), data["time"].values
+    if first is None:
+        return None
+    force = np.linalg.norm(data["contact_force"].sel(pair="table-blade").values[first:], axis=-1)
+    period = float(time[1] - time[0])
+    return Strike(float(time[first]), int((force > CONTACT_FORCE).sum()) * period, float(force.max()))
 
 
 def at_limit(data: Recording) -> Floats | None:

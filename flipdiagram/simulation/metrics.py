@@ -8,7 +8,7 @@ import numpy as np
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import InputError
 from flipdiagram.simulation.events import Touchdown, at_limit, release_index, strike_index, touchdown, touching
-from flipdiagram.simulation.recording import Recording, in_tool
+from flipdiagram.simulation.recording import FLIP, Recording, in_tool, kind_of
 from flipdiagram.simulation.verdict import judge
 
 APART = 0.005
@@ -157,12 +157,20 @@ def saturated(data: Recording) -> float:
     return float(at[end].max(initial=0))
 
 
-def measure(data: Recording) -> FlipMetrics:
-    """All metrics of one recording."""
+def check_moves(data: Recording) -> None:
+    """InputError for a recording without a sample of the motion."""
     time, end = data["time"].values, data.attrs["end_time_s"]
     if not ((time >= 0) & (time <= end)).any():
         span, valid = f"{time[0]:g} to {time[-1]:g} s", f"one that holds some of the motion, 0 to {end:g} s"
         raise InputError.of("recording", span, valid, f"a recording from {span} cannot be judged")
+
+
+def measure(data: Recording) -> FlipMetrics:
+    """All metrics of the recording of a flip; raises InputError for one of something else."""
+    if (kind := kind_of(data)) != FLIP:
+        valid = f"a flip; `recording.flip.metrics()` measures a '{kind}'"
+        raise InputError.of("recording", kind, valid, f"a recording of kind '{kind}' is not judged as a flip")
+    check_moves(data)
     success, failure = judge(data)
     slip, lift = slip_and_lift(data)
     k = release_index(data)

@@ -52,6 +52,9 @@ SIGNALS = {
 
 Recording = xr.Dataset
 SCHEMA = "flipdiagram/recording/1"
+FLIP, PLACE = "flip", "place"
+KINDS = (FLIP, PLACE)
+"""What a recording is of, in its attribute `kind`: by it the verdict and the metrics are chosen."""
 
 
 def assemble(
@@ -112,6 +115,7 @@ def _motion(arm: ArmModel, q: Floats, qd: Floats, period: float) -> tuple[Floats
 def _attributes(scenario: Scenario, architecture: str, plan: Plan | Command) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
+        "kind": FLIP,
         **{f"{name}_version": number for name, number in versions().items()},
         "architecture": architecture,
         "start_y_m": scenario.task.start_y,
@@ -125,6 +129,11 @@ def _attributes(scenario: Scenario, architecture: str, plan: Plan | Command) -> 
         "beta_s2_m2": scenario.planner.beta,
         "scenario": scenario.to_yaml(),
     }
+
+
+def kind_of(data: Recording) -> str:
+    """One of `KINDS`; recordings of the first versions do not say it and are flips."""
+    return str(data.attrs.get("kind", FLIP))
 
 
 def continuous(poses: Floats) -> Floats:

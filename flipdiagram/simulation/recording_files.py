@@ -9,12 +9,15 @@ import xarray as xr
 from flipdiagram.errors import InputError
 from flipdiagram.files import RESULT_BYTES, atomic_path, check_file, unreadable
 from flipdiagram.simulation.metrics import FlipMetrics
-from flipdiagram.simulation.recording import AXIS, POSE, SIGNALS, Recording
+from flipdiagram.simulation.placement import PlaceMetrics
+from flipdiagram.simulation.recording import AXIS, KINDS, PLACE, POSE, SIGNALS, Recording, kind_of
 
 NEEDED = ("x", "x_cmd", "v", "v_cmd", "a", "a_cmd", "q", "qd", "tau", "block_pose", "tool_pose", "contact_force")
 """What every recording holds."""
 WHOLE = ("time", "block_pose", "tool_pose", "contact_force")
 """Signals of which no sample may be missing: of them what happened is known."""
+OF_A_PLACEMENT = (("slide", "slide_cmd"), ("target_y_m",))
+"""Signals and numbers that one of kind 'place' holds beside these."""
 ATTRIBUTES = ("release_time_s", "end_time_s", "start_y_m", "friction_angle_rad")
 """Numbers that stand beside the signals."""
 LABELS = {"axis": AXIS, "pose": POSE, "direction": ["x", "y", "z"]}
@@ -27,7 +30,7 @@ BROKEN = (OSError, ValueError, TypeError, AttributeError, LookupError, Arithmeti
 """What SciPy and xarray raise for bytes that are no NetCDF, or that end too early."""
 
 
-def save_recording(data: Recording, measured: FlipMetrics, path: Path, key: str = "") -> None:
+def save_recording(data: Recording, measured: FlipMetrics | PlaceMetrics, path: Path, key: str = "") -> None:
     """Write a recording whole or not at all; key: what `recording_key` shall find in it."""
     judged = data.assign_attrs(success=int(measured.success), failure=measured.failure or "", key=key)
     with atomic_path(path) as temporary:
@@ -63,13 +66,17 @@ def check_recording(data: xr.Dataset, name: str = "this Dataset") -> xr.Dataset:
 
     name: what errors call it.  InputError that names what is missing or what is wrong.
     """
-    missing = [f"signal '{signal}'" for signal in NEEDED if signal not in data.data_vars]
-    missing += [f"attribute '{key}'" for key in ("architecture", *ATTRIBUTES) if key not in data.attrs]
+    kind = kind_of(data)
+    if kind not in KINDS:
+        raise _wrong(name, f"is of kind {kind[:40]!r}, not {' or '.join(KINDS)}", kind)
+    signals, numbers = OF_A_PLACEMENT if kind == PLACE else ((), ())
+    missing = [f"signal '{signal}'" for signal in (*NEEDED, *signals) if signal not in data.data_vars]
+    missing += [f"attribute '{key}'" for key in ("architecture", *ATTRIBUTES, *numbers) if key not in data.attrs]
     if data.sizes.get("time", 0) < 2:
         missing.append("two samples on 'time'")
     if missing:
         raise _wrong(name, "lacks " + ", ".join(missing[:3]) + (", …" if len(missing) > 3 else ""), missing)
-    for key in ATTRIBUTES:
+    for key in (*ATTRIBUTES, *numbers):
         value = np.asarray(data.attrs[key])
         if value.ndim or value.dtype.kind not in "fiu" or not abs(float(value)) <= LARGEST:
             raise _wrong(name, f"has {key} = {str(value)[:40]!r}, no number", key)

@@ -1,6 +1,7 @@
 """Sliding on purpose: closed form against integration, the smooth segments, and the plan that lays the object down."""
 
 import numpy as np
+import planar
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -112,6 +113,18 @@ def test_the_blade_never_touches_the_table_and_the_object_is_aimed_at_the_target
     z = states[k, 1] + along * np.sin(theta[k]) - thing.thickness / 2 * np.cos(theta[k])
     assert z == pytest.approx(scenario.table.height, abs=5e-4)
     assert y + thing.length / 2 == pytest.approx(scenario.place.target_y, abs=1e-3)
+
+
+def test_while_it_carries_the_blade_keeps_the_clearance_of_a_flip(placed):
+    """There the servo errs most: by up to 4 mm, at the end of the fast motion."""
+    scenario, plan = placed
+    end = plan.plan.n_contact - plan.after_carry
+    corners = planar.placed(planar.blade(scenario), plan.plan.states[: end + 1, :3])[..., 1].min(axis=-1)
+    lowest = corners - scenario.table.height
+    assert lowest[-1] == pytest.approx(scenario.planner.table_clearance, abs=1e-6)
+    assert lowest.min() > scenario.planner.table_clearance - scenario.place.edge_clearance / 2 - 1e-6
+    held = planar.placed(planar.blade(scenario), plan.plan.states[plan.plan.n_contact, :3])[:, 1].min()
+    assert held - scenario.table.height == pytest.approx(scenario.place.edge_clearance, abs=1e-6)
 
 
 def test_what_is_out_of_reach_is_refused():

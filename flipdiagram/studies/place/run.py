@@ -9,27 +9,21 @@ import numpy as np
 
 from flipdiagram.diagrams.controller import check_architecture
 from flipdiagram.diagrams.loop import build_loop
-from flipdiagram.files import atomic_path, write_summary
+from flipdiagram.files import write_summary
 from flipdiagram.flips.workers import Workers
 from flipdiagram.grid import Grid, number
 from flipdiagram.planning.place_replanner import PlaceReplanner
 from flipdiagram.planning.placing import Placer, PlacingPlan
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
-from flipdiagram.simulation.events import touchdown
-from flipdiagram.simulation.metrics import rmse
-from flipdiagram.simulation.recording import Recording, in_tool, roll
+from flipdiagram.simulation.placement import measure_placement, placed
+from flipdiagram.simulation.recording import Recording
+from flipdiagram.simulation.recording_files import save_recording
 from flipdiagram.simulation.replans import replans
 from flipdiagram.simulation.simulate import simulate
 from flipdiagram.simulation.thumbnail import beside, path_svg
 from flipdiagram.studies.study import Progress, silent
 from flipdiagram.theory import contact
-from flipdiagram.theory.contact import ContactState
-
-NEAR, GENTLE, FLAT = 0.02, 0.3, 0.1
-"""Success: within this of the target [m], slower than this at touch-down [m/s], flat within this [rad]."""
-STILL = 1e-3
-"""Speed along the blade [m/s] above which the object counts as sliding."""
 
 
 def run(
@@ -54,9 +48,9 @@ def run(
     placements: dict[int, dict[str, Any]] = {}
     with Workers(jobs) as workers:
         tasks = [(scenario, name, plan, folder) for name in architectures]
-        for index, placed in workers.results(place_one, tasks):
-            placements[index] = placed
-            progress(f"{len(placements)}/{len(tasks)} {placed['architecture']}: {placed['failure'] or 'laid down'}")
+        for index, entry in workers.results(place_one, tasks):
+            placements[index] = entry
+            progress(f"{len(placements)}/{len(tasks)} {entry['architecture']}: {entry['failure'] or 'laid down'}")
     runs = [placements[i] for i in sorted(placements)]
     motion, slide = plan.plan, plan.slide
     planned = {
@@ -116,36 +110,16 @@ def place(
     data = simulate(
         scenario, architecture, placing.plan, replanner=lambda: PlaceReplanner(placer, placing.after_carry)
     ).recording
-    data["slide"] = (("time",), sliding(data), {"units": "m"})
-    data["slide_cmd"] = (("time",), placing.displacement(data["time"].values), {"units": "m"})
-    data["contact_state"] = (("time",), contact_states(data), {"units": "1", "note": "0 stick, 1 slide, 2 release"})
-    verdict = {"architecture": architecture} | judge(data, scenario.place.target_y, placing)
-    judged = {"study": "place", "success": int(verdict["success"]), "failure": verdict["failure"] or ""}
-    return Placement(data.assign_attrs(judged), placing, verdict)
+    data = placed(data, placing.displacement(data["time"].values), scenario.place.target_y)
+    return Placement(data, placing, measure_placement(data).as_dict())
 
 
 def place_one(scenario: Scenario, architecture: str, plan: PlacingPlan, folder: Path) -> dict[str, Any]:
     """One run: lay down, write the recording; its entry in `runs` of summary.json."""
     placement, name = place(scenario, architecture, plan), f"{architecture}.nc"
-    with atomic_path(folder / name) as temporary:
-        placement.recording.to_netcdf(temporary, engine="scipy")
+    save_recording(placement.recording, measure_placement(placement.recording), folder / name)
     again = replans(placement.recording)
     return placement.verdict | {"recording": name} | ({} if again is None else {"replanning": again})
-
-
-def sliding(data: Recording) -> np.ndarray:
-    """Displacement σ of the object along the blade since the start [m], (time,)."""
-    along = in_tool(data)[:, 1]
-    return along - along[int(np.searchsorted(data["time"].values, 0.0))]
-
-
-def contact_states(data: Recording) -> np.ndarray:
-    """Contact state of eqs. (7)–(9) by what the object really does on the blade, as ContactState values, (time,)."""
-    time, slide = data["time"].values, sliding(data)
-    speed = np.gradient(slide, time)
-    touching = np.linalg.norm(data["contact_force"].sel(pair="blade-block").values, axis=-1) > 0
-    state = np.where(np.abs(speed) > STILL, ContactState.SLIDE, ContactState.STICK)
-    return np.where(touching, state, ContactState.RELEASE).astype(np.int8)
 
 
 def planned_states(data: Recording, friction: float) -> np.ndarray:
@@ -156,34 +130,3 @@ def planned_states(data: Recording, friction: float) -> np.ndarray:
 def commanded_angle(data: Recording) -> np.ndarray:
     """Sliding angle φ of eq. (11) of the commanded motion [rad], (time,)."""
     return contact.sliding_angle(data["a_cmd"].values[:, :2], data["x_cmd"].values[:, 2])
-
-
-def judge(data: Recording, target_y: float, plan: PlacingPlan) -> dict[str, Any]:
-    """Whether the object lies flat within `NEAR` of the target and came down slower than `GENTLE`; where, and how."""
-    time, pose, landed = data["time"].values, data["block_pose"].values, touchdown(data)
-    y, tilt = float(pose[-1, 5]), float(abs(np.angle(np.exp(1j * roll(pose)[-1]))))
-    distance, speed = abs(y - target_y), None
-    if landed is not None:
-        k = max(int(np.searchsorted(time, landed.time_s)) - 1, 1)
-        speed = float(np.linalg.norm(pose[k, 5:] - pose[k - 1, 5:]) / (time[1] - time[0]))
-    failure = None
-    if speed is None:
-        failure = "never reached the table"
-    elif tilt > FLAT:
-        failure = f"lies tilted by {tilt:.2f} rad"
-    elif distance > NEAR:
-        failure = f"lies {100 * distance:.1f} cm from the target"
-    elif speed >= GENTLE:
-        failure = f"came down with {speed:.2f} m/s"
-    return {
-        "success": failure is None,
-        "failure": failure,
-        "final_y_m": y,
-        "distance_m": distance,
-        "tilt_rad": tilt,
-        "touchdown_time_s": landed and landed.time_s,
-        "touchdown_speed_m_s": speed,
-        "slid_m": float(-sliding(data)[time <= plan.retreat_begins].min()),
-        "planned_slide_m": plan.slide.way,
-        "position_rmse_m": rmse(data, "x", "x_cmd", ["y", "z"]),
-    }

@@ -1,20 +1,19 @@
-"""`flipdiagram place` end to end, and how a placement is judged."""
+"""`flipdiagram place` end to end, and its recordings read again."""
 
 import json
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-import synthetic
-from ideal import IDEAL
 
 from flipdiagram.cli import main as cli
 from flipdiagram.errors import InputError
-from flipdiagram.planning.placing import Placer
-from flipdiagram.robot.parts import arm_of
-from flipdiagram.simulation.recording_files import load_recording
-from flipdiagram.studies.place import run as place
-from flipdiagram.studies.place.run import Placement
+from flipdiagram.results import compare, info, open_result
+from flipdiagram.simulation.metrics import measure
+from flipdiagram.simulation.placement import PlaceMetrics
+from flipdiagram.simulation.recording_files import check_recording, load_recording
+from flipdiagram.studies.place.run import Placement, place
+from flipdiagram.studies.registry import STUDIES
 from flipdiagram.theory.contact import ContactState
 
 
@@ -50,19 +49,19 @@ def test_the_recording_tells_stick_slide_and_release(out):
     assert states[-1] == ContactState.RELEASE
 
 
-def test_a_placement_shows_its_verdict_and_path(out, plan):
+def test_a_placement_shows_its_verdict_and_path(out):
     runs = json.loads((out / "summary.json").read_text())["runs"]
     laid, failed = (
-        Placement(load_recording(out / run["recording"]), plan, run)
+        Placement(load_recording(out / run["recording"]), None, run)
         for run in sorted(runs, key=lambda run: not run["success"])
     )
     assert laid.success and repr(laid) == "Placement(pd+ff+dob: laid down)"
     assert repr(failed) == f"Placement(pd: {failed.verdict['failure']})" and not failed.success
-    assert laid.recording.attrs["study"] == "place" and laid.recording.attrs["success"] == 1
+    assert laid.recording.attrs["kind"] == "place" and laid.recording.attrs["success"] == 1
     root = ElementTree.fromstring(laid._repr_html_())
     assert len(list(root.iter("polyline"))) == 3 and "touchdown_speed_m_s" in {cell.text for cell in root.iter("td")}
     with pytest.raises(InputError, match="unknown architecture 'pid'"):
-        place.place(architecture="pid")
+        place(architecture="pid")
 
 
 def test_pictures_and_replay_are_written(out):
@@ -71,36 +70,37 @@ def test_pictures_and_replay_are_written(out):
     assert "laid down" in (out / "replay.html").read_text()
 
 
-@pytest.fixture(scope="module")
-def plan():
-    scenario = IDEAL
-    return Placer(scenario, arm_of(scenario)).plan()
+def test_the_blade_strikes_the_table_under_pd_alone_and_everything_says_so(out):
+    summary = json.loads((out / "summary.json").read_text())
+    runs = {run["architecture"]: run for run in summary["runs"]}
+    best, worst = runs["pd+ff+dob"], runs["pd"]
+    assert (best["strike_time_s"], best["strike_duration_s"], best["strike_force_N"]) == (None, 0.0, 0.0)
+    data = load_recording(out / "pd.nc")
+    force = np.linalg.norm(data["contact_force"].sel(pair="table-blade").values, axis=1)[data["time"].values >= 0]
+    assert worst["strike_force_N"] == pytest.approx(force.max()) and force.max() > 100
+    assert worst["strike_duration_s"] == pytest.approx(1e-3 * np.sum(force > 1e-6))
+    assert worst["failure"].startswith(f"struck the table at {worst['strike_time_s']:.3f} s")
+    (grid,) = STUDIES["place"].tables(summary)
+    cells = {row[0]: row[grid.headings.index("blade on the table")] for row in grid.rows}
+    assert cells["`pd+ff+dob`"] == "never" and cells["`pd`"].startswith(f"{force.max():.0f} N, ")
 
 
-def judged(plan, y=0.10, tilt=0.0, speed=0.1):
-    """A recording in which the object comes down with a speed and lies at y with a tilt."""
-    data = synthetic.recording("pd+ff+dob").copy(deep=True)
-    pose = data["block_pose"].values
-    landed = int(np.argmax(np.linalg.norm(data["contact_force"].sel(pair="table-block").values, axis=-1) > 0))
-    pose[landed - 2 : landed, 5] = 0.1
-    pose[landed - 2 : landed, 6] = [0.3 + speed * 1e-3, 0.3]
-    pose[-1] = [np.cos(tilt / 2), np.sin(tilt / 2), 0, 0, 0.5, y, 0.205]
-    return place.judge(data, 0.10, plan)
+def test_a_recorded_placement_is_judged_as_one_wherever_it_is_read(out):
+    data = open_result(out / "pd.nc")
+    measured = data.flip.metrics()
+    assert isinstance(measured, PlaceMetrics) and data.attrs["kind"] == "place"
+    entry = json.loads((out / "summary.json").read_text())["runs"][0]
+    assert {**measured.as_dict(), "recording": "pd.nc"} == entry
+    rows = dict(info(out / "pd.nc").rows)
+    assert rows["object"] == f"not laid down: {entry['failure']}" and rows["blade on the table"].startswith("5")
+    with pytest.raises(InputError, match="kind 'place' is not judged as a flip"):
+        measure(data)
+    assert compare(out / "pd.nc", out / "pd+ff+dob.nc").metrics
 
 
-@pytest.mark.parametrize(
-    ("changes", "failure"),
-    [
-        ({}, None),
-        ({"y": 0.1199}, None),
-        ({"y": 0.1201}, "lies 2.0 cm from the target"),
-        ({"y": 0.05}, "lies 5.0 cm from the target"),
-        ({"tilt": 0.3}, "lies tilted by 0.30 rad"),
-        ({"speed": 0.29}, None),
-        ({"speed": 0.31}, "came down with 0.31 m/s"),
-    ],
-    ids=str,
-)
-def test_a_placement_is_judged_by_place_tilt_and_speed(plan, changes, failure):
-    found = judged(plan, **changes)
-    assert (found["success"], found["failure"]) == (failure is None, failure)
+def test_a_recording_of_an_unknown_kind_is_refused(out):
+    data = load_recording(out / "pd.nc")
+    with pytest.raises(InputError, match="is of kind 'thrown', not flip or place"):
+        check_recording(data.assign_attrs(kind="thrown"))
+    with pytest.raises(InputError, match="lacks signal 'slide'"):
+        check_recording(data.drop_vars("slide"))
