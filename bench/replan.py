@@ -32,7 +32,7 @@ from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.program import HorizonProgram, Solution
 from flipdiagram.planning.replanner import Replanner
 from flipdiagram.planning.rows import Rows
-from flipdiagram.robot.parts import arm_of
+from flipdiagram.robot.parts import arm_of, loaded_arm_of
 from flipdiagram.scenario.scenario import Scenario
 
 PASSED, FLIGHT, BRAKE = 11, 5, 12
@@ -276,7 +276,8 @@ def _whole(
 def _by_numpy(replanner: Replanner, calls: list[partial[Plan]]) -> list[float]:
     """The same without compiled loops: laws by NumPy, the arm by Drake."""
     horizons = replanner.horizons
-    kept, horizons.motion = horizons.motion, ArmMotion(replanner.arm, replanner.scenario.task.start_x)
+    kept, scenario = horizons.motion, replanner.scenario
+    horizons.motion = ArmMotion(replanner.arm, scenario.task.start_x, loaded_arm_of(scenario))
     horizons._native = False
     horizons._linearisation.cache_clear()
     try:
@@ -288,8 +289,9 @@ def _by_numpy(replanner: Replanner, calls: list[partial[Plan]]) -> list[float]:
 
 def joint_rows(horizons: Convexification, motion: Trajectory) -> tuple[sp.csr_matrix, Array]:
     """The joint limits as rows on a motion without waiting samples, linearised about it."""
-    layout, arm = Layout(len(motion.inputs), 0), ArmMotion(horizons.arm, horizons.scenario.task.start_x)
-    along, point = arm.follow(motion.states, motion.inputs, horizons.q_start), (motion.states, motion.inputs)
+    layout, scenario = Layout(len(motion.inputs), 0), horizons.scenario
+    arm, point = ArmMotion(horizons.arm, scenario.task.start_x, loaded_arm_of(scenario)), (motion.states, motion.inputs)
+    along = arm.follow(*point, horizons.q_start, motion.n_contact)
     parts = limits.joint_rows(layout, along, point, arm, horizons.allowed, given_start=horizons._in_motion)
     rows = Rows.about(layout.pack(*point), parts)
     return rows.matrix(layout.size).tocsr(), rows.upper

@@ -27,7 +27,9 @@ class JointMotion:
     from_task: Floats
     """J⁻¹ restricted to (y, z, θ), shape (N + 1, n, 3)."""
     torque_from_task: Floats
-    """dτ/da for a = (a_y, a_z, a_θ) at samples, shape (N + 1, n, 3)."""
+    """dτ/da for a = (a_y, a_z, a_θ) at both ends of each interval, shape (2, N, n, 3)."""
+    carried: int = 0
+    """Intervals from the first on in which the object is on the blade and part of the torque."""
 
 
 def task_pose(states: Floats, x: float) -> Floats:
@@ -40,22 +42,43 @@ def task_pose(states: Floats, x: float) -> Floats:
 
 
 class ArmMotion:
-    """An arm whose tool moves in the plane at x [m], by its plant."""
+    """An arm whose tool moves in the plane at x [m], by its plant.
 
-    def __init__(self, arm: ArmModel, x: float) -> None:
+    loaded: the same arm with the object welded to its blade; without one the object weighs nothing.
+    """
+
+    def __init__(self, arm: ArmModel, x: float, loaded: ArmModel | None = None) -> None:
         self.arm, self.x = arm, x
+        self.loaded = None if loaded is None else self._of_load(loaded)
+
+    def _of_load(self, loaded: ArmModel) -> "ArmMotion":
+        return ArmMotion(loaded, self.x)
+
+    def shift_load(self, shift: float) -> None:
+        """Let the object sit this far from the middle of the blade along s [m]."""
+        if self.loaded is not None:
+            self.loaded.arm.shift_load(shift)
 
     def joint_angles(self, pose: Floats, seed: Floats) -> Floats:
         """q (n,) [rad] at a task pose (6,), near the seed; raises PlanningError where the arm cannot be there."""
         return self.arm.inverse_kinematics(pose, seed)
 
-    def follow(self, states: Floats, inputs: Floats, q_start: Floats) -> JointMotion:
-        """The arm along states (N + 1, 6) and inputs (N, 3) of its tool; raises PlanningError where it cannot reach."""
-        q = self.path(task_pose(states, self.x), q_start)
-        qd, from_task, by_input, rest = self.along(q, np.ascontiguousarray(states[:, 3:]))
-        n = len(inputs)
-        torque = np.stack([(by_input[k : k + n] @ inputs[:, :, None])[..., 0] + rest[k : k + n] for k in (0, 1)])
-        return JointMotion(q, qd, torque, from_task, by_input)
+    def follow(self, states: Floats, inputs: Floats, q_start: Floats, carried: int = 0) -> JointMotion:
+        """The arm along states (N + 1, 6) and inputs (N, 3) of its tool; raises PlanningError where it cannot reach.
+
+        carried: intervals, from the first on, in which the object is on the blade.
+        """
+        q, v = self.path(task_pose(states, self.x), q_start), np.ascontiguousarray(states[:, 3:])
+        carried, n = carried if self.loaded else 0, len(inputs)
+        parts = [self.along(q[carried:], v[carried:])]
+        by_input, rest = (np.stack([part[k : k + n - carried] for k in (0, 1)]) for part in parts[0][2:])
+        if self.loaded and carried:  # at the release both: with the object before, without it after
+            parts.insert(0, self.loaded.along(q[: carried + 1], v[: carried + 1]))
+            heavy, weight = (np.stack([part[k : k + carried] for k in (0, 1)]) for part in parts[0][2:])
+            by_input, rest = np.concatenate([heavy, by_input], axis=1), np.concatenate([weight, rest], axis=1)
+        qd, from_task = (np.concatenate([*(part[i][:carried] for part in parts[:-1]), parts[-1][i]]) for i in (0, 1))
+        torque = (by_input @ inputs[None, :, :, None])[..., 0] + rest
+        return JointMotion(q, qd, torque, from_task, by_input, carried)
 
     def path(self, poses: Floats, q_start: Floats) -> Floats:
         """q (K, n) along task poses (K, 6); raises PlanningError where the arm cannot reach."""
@@ -87,8 +110,8 @@ class ArmMotion:
 class ChainMotion(ArmMotion):
     """The same by compiled loops; everything is compiled here, not in the middle of a motion."""
 
-    def __init__(self, arm: ArmModel, x: float, chain: SerialChain) -> None:
-        super().__init__(arm, x)
+    def __init__(self, arm: ArmModel, x: float, chain: SerialChain, loaded: ArmModel | None = None) -> None:
+        super().__init__(arm, x, loaded)
         from flipdiagram.robot import chain as kinematics  # imports numba
         from flipdiagram.robot import dynamics
 
@@ -97,6 +120,17 @@ class ChainMotion(ArmMotion):
         kinematics.follow(chain, arm.task_position(arm.home)[None], REACHED, home)
         kinematics.speeds(chain, home, np.zeros((2, 3)), np.empty_like(home))
         dynamics.task_dynamics(chain, kinematics.along(chain, home, np.zeros((2, 3))))
+
+    def _of_load(self, loaded: ArmModel) -> ArmMotion:
+        chain = serial_chain(loaded)
+        assert chain is not None, "what is welded to its end makes an arm no less a chain"
+        return ChainMotion(loaded, self.x, chain)
+
+    def shift_load(self, shift: float) -> None:
+        """As of `ArmMotion`."""
+        super().shift_load(shift)
+        if isinstance(self.loaded, ChainMotion) and (chain := serial_chain(self.loaded.arm)):
+            self.loaded._chain = chain
 
     def joint_angles(self, pose: Floats, seed: Floats) -> Floats:
         """As of `ArmMotion`, which is asked where Newton's method finds none."""
@@ -127,7 +161,10 @@ class ChainMotion(ArmMotion):
         return qd
 
 
-def arm_motion(arm: ArmModel, x: float, native: bool) -> ArmMotion:
-    """The motion of an arm; native: by compiled loops, where it is one chain of revolute joints."""
+def arm_motion(arm: ArmModel, x: float, native: bool, loaded: ArmModel | None = None) -> ArmMotion:
+    """The motion of an arm; native: by compiled loops, where it is one chain of revolute joints.
+
+    loaded: the arm with the object, for the torque while it carries it.
+    """
     chain = serial_chain(arm) if native else None
-    return ChainMotion(arm, x, chain) if chain else ArmMotion(arm, x)
+    return ChainMotion(arm, x, chain, loaded) if chain else ArmMotion(arm, x, loaded)

@@ -20,6 +20,7 @@ from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.program import HorizonProgram, Solution
 from flipdiagram.planning.rows import Linearisation, Rows
 from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.parts import loaded_arm_of
 from flipdiagram.robot.reach import remedy
 from flipdiagram.scenario.scenario import Scenario, farthest
 from flipdiagram.theory import contact
@@ -102,7 +103,7 @@ class Convexification:
     @cached_property
     def motion(self) -> ArmMotion:
         """How the arm moves."""
-        return arm_motion(self.arm, self.scenario.task.start_x, self._native)
+        return arm_motion(self.arm, self.scenario.task.start_x, self._native, loaded_arm_of(self.scenario))
 
     def program(self, solver: str, elastic_groups: Sequence[str] = ()) -> Program:
         """The program of a `planner.solver`; with elastic groups it has slacks, which only Drake's programs offer.
@@ -137,6 +138,8 @@ class Convexification:
         Raises PlanningError where the arm cannot be there.
         """
         self.allowed = limits.Allowed.of(self.arm, self.scenario, divisors)
+        if shift != self.shift:
+            self.motion.shift_load(shift)
         self.start, self.shift, self._in_motion = state, shift, True
         tool = self._tool(state[None, :])[0]
         self.q_start = self.motion.joint_angles(task_pose(tool, self.scenario.task.start_x), q_seed)
@@ -182,7 +185,7 @@ class Convexification:
 
     def _follow(self, point: Trajectory) -> JointMotion:
         states, inputs = self.moving(point)
-        return self.motion.follow(self._tool(states), inputs, self.q_start)
+        return self.motion.follow(self._tool(states), inputs, self.q_start, point.n_contact)
 
     def rows(self, point: Trajectory) -> tuple[Rows, JointMotion]:
         """All inequality rows, linearised about a trajectory, and the arm's motion along it."""

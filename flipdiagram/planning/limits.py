@@ -119,7 +119,7 @@ def joint_rows(
     near = np.abs(use) > NEAR
     if near.any():
         (end, k, j), use = np.nonzero(near), use[near]
-        slope = np.vstack([_torque_by_state(motion, point, arm, end, k, j), motion.torque_from_task[k + end, j].T])
+        slope = np.vstack([_torque_by_state(motion, point, arm, end, k, j), motion.torque_from_task[end, k, j].T])
         columns = STRIDE * (first + k) + COLUMNS
         columns[:STATES] += STRIDE * end
         parts.append(part(TORQUE, columns, -np.sign(use) / allowed.torque[j] * slope, 1 - np.abs(use)))
@@ -142,9 +142,29 @@ def _torque_by_state(
     q, v = motion.q[at, None].repeat(6, axis=1), point[0][at, None, 3:].repeat(6, axis=1)
     q[:, :3] += STEP * motion.from_task[at].transpose(0, 2, 1)
     v[:, [3, 4, 5], [0, 1, 2]] += STEP
-    _, _, by_input, rest = arm.along(q.reshape(-1, n), v.reshape(-1, 3))
-    by_input, rest = by_input.reshape(-1, 6, n, 3)[place, :, j], rest.reshape(-1, 6, n)[place, :, j]
-    return (((by_input @ point[1][k, :, None])[..., 0] + rest).T - motion.torque[end, k, j]) / STEP
+    moved = np.empty((k.size, 6))
+    for mover, of_it in ((arm, k >= motion.carried), (arm.loaded, k < motion.carried)):
+        if mover is None or not of_it.any():
+            continue
+        used = np.unique(place[of_it])
+        _, _, by_input, rest = mover.along(q[used].reshape(-1, n), v[used].reshape(-1, 3))
+        here = np.searchsorted(used, place[of_it])
+        by_input = by_input.reshape(-1, 6, n, 3)[here, :, j[of_it]]
+        rest = rest.reshape(-1, 6, n)[here, :, j[of_it]]
+        moved[of_it] = (by_input @ point[1][k[of_it], :, None])[..., 0] + rest
+    return (moved.T - motion.torque[end, k, j]) / STEP
+
+
+def largest_mass(bare: JointMotion, loaded: JointMotion, mass: float, arm: ArmModel) -> float:
+    """The largest mass of the object [kg] with which the torques of a motion stay within the arm's limits.
+
+    Torque is affine in the mass: bare, loaded: the same motion without the object and with one of this mass [kg].
+    0 where the arm alone exceeds them, inf where the object costs no torque.
+    """
+    by_mass = (loaded.torque - bare.torque) / mass
+    left = arm.tau_max - np.sign(by_mass) * bare.torque
+    rows = by_mass != 0
+    return float(np.maximum(left[rows] / np.abs(by_mass[rows]), 0.0).min(initial=np.inf))
 
 
 def limit_use(motion: JointMotion, arm: ArmModel) -> dict[str, Floats]:

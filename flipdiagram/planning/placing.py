@@ -6,6 +6,7 @@
 3. wait until its lower edge stands on the table, and draw the blade away along itself.
 """
 
+import math
 import time
 from dataclasses import dataclass
 
@@ -22,6 +23,7 @@ from flipdiagram.planning.rows import Constraint
 from flipdiagram.planning.segment import segment
 from flipdiagram.planning.slide import Slide, tilt_for
 from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.parts import loaded_arm_of
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.theory import contact
 
@@ -148,11 +150,17 @@ class Placer:
         arm, scenario = self.arm, self.scenario
         pose = task_pose(states[0], scenario.task.start_x)
         q_start = arm.inverse_kinematics(pose, through=[task_pose(states[-1], scenario.task.start_x)])
-        motion = ArmMotion(arm, scenario.task.start_x).follow(states, inputs, q_start)
+        # the object counts as long as it may be on the blade, where it was when it began to slide
+        mover = ArmMotion(arm, scenario.task.start_x, loaded_arm_of(scenario))
+        motion = mover.follow(states, inputs, q_start, contact_samples)
         use = {kind: float(values.max()) for kind, values in limits.limit_use(motion, arm).items()}
         for kind, value in use.items():
             if value > 1:
-                raise PlanningError(f"{kind} cannot be met: {value:.2f} x the limit would be needed")
+                text = f"{kind} cannot be met: {value:.2f} x the limit would be needed"
+                bare = mover.follow(states, inputs, q_start)
+                most = limits.largest_mass(bare, motion, scenario.object.mass, arm) if kind == limits.TORQUE else 0.0
+                most = math.floor(100 * most) / 100
+                raise PlanningError(f"{text}; largest mass for this arm: {most:g} kg" if most else text)
         phi = contact.sliding_angle(inputs[:carried, :2], states[:carried, 2])
         return Plan(
             sampling_time=self.settings.sampling_time,

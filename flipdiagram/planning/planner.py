@@ -24,6 +24,8 @@ CHECKS_PER_SAMPLE = 4
 """The joint limits of the finished motion are checked this many times per ΔT."""
 LONGEST = 120.0
 """Seconds of computing, without those of other processes, after which it gives up; a plan takes one to ten."""
+MASS_SEARCH, MASS_TOLERANCE = 20.0, 0.03
+"""Seconds of computing after which the search for the largest mass ends, and how near it shall come, relatively."""
 CORRECTIONS = 2
 """Times that a joint limit exceeded between samples is fed back, as a smaller limit."""
 
@@ -37,6 +39,7 @@ class Planner:
         self.scenario, self._progress = scenario, progress
         self.arm = arm or arm_of(scenario)
         self.horizons = Convexification(scenario, self.arm)
+        self._failed: Outcome | None = None
 
     @property
     def q_start(self) -> Floats:
@@ -44,16 +47,30 @@ class Planner:
         return self.horizons.q_start
 
     def plan(self) -> Plan:
-        """The best motion over the horizons allowed; raises PlanningError naming the constraint that cannot be met."""
+        """The best motion over the horizons allowed; raises PlanningError naming the constraint that cannot be met.
+
+        Where that is the torque that the object costs it names the largest mass that it found a motion for.
+        """
+        self._failed = None
+        try:
+            return self._plan(LONGEST)
+        except PlanningError as error:
+            if limits.TORQUE not in str(error) or not self._object_is_too_heavy():
+                raise
+            raise PlanningError(f"{error}; {self._largest_mass()}") from None
+
+    def _plan(self, longest: float) -> Plan:
+        """`plan`, in so many seconds of computing, without the search for the largest mass."""
         begin = time.perf_counter()
         self.horizons.program_times.clear()
-        self.horizons.deadline = time.process_time() + LONGEST
+        self.horizons.deadline = time.process_time() + longest
         self.horizons.allowed = limits.Allowed.of(self.arm, self.scenario)
         self._check_start()
         best = self._search()
         settings = self.scenario.planner
         for _ in range(CORRECTIONS + 1):
             best = self.horizons.settle(best.point, settings.angle_tolerance, settings.max_iterations)
+            self._failed = best
             if best.shortfall or not best.settled:
                 raise PlanningError(self._reason(best))
             uses = self._limit_use(best)
@@ -109,6 +126,29 @@ class Planner:
                 short = middle
         return tried[enough, best.point.n_flight]
 
+    def _object_is_too_heavy(self) -> bool:
+        """Whether the arm could follow the motion that failed without the object."""
+        if self._failed is None:
+            return False
+        states, inputs = self.horizons.moving(self._failed.linearised_at)  # where it could follow
+        bare = limits.limit_use(self.horizons.motion.follow(states, inputs, self.q_start), self.arm)
+        return bool(np.all(bare[limits.TORQUE] <= self.horizons.allowed.shares(self.arm)[limits.TORQUE]))
+
+    def _largest_mass(self) -> str:
+        """In words the largest mass for which it finds a motion, by bisection."""
+        low, high, end = 0.0, self.scenario.object.mass, time.process_time() + MASS_SEARCH
+        while high - low > MASS_TOLERANCE * high and (left := end - time.process_time()) > 0:
+            mass = (low + high) / 2
+            # a file of the user's own weighs what it weighs: a box of the same size in its place
+            lighter = self.scenario.with_overrides({"object.mass": mass, "object.file": None})
+            try:
+                Planner(lighter, self.arm)._plan(left)
+            except PlanningError:
+                high = mass
+            else:
+                low = mass
+        return f"largest mass for this arm: {'about' if low else 'less than'} {low or high:.2g} kg"
+
     def _check_start(self) -> None:
         """The start itself must be reachable, and the blade clear of the table there."""
         self.q_start  # noqa: B018 - raises where the arm cannot be there
@@ -151,7 +191,9 @@ class Planner:
         moves[..., :3] += moves[..., 3:] * tau + held * tau**2 / 2
         moves[..., 3:] += held * tau
         dense = np.vstack([moves.reshape(-1, 6), states[-1]])
-        motion = self.horizons.motion.follow(dense, held.reshape(-1, 3), self.q_start)
+        motion = self.horizons.motion.follow(
+            dense, held.reshape(-1, 3), self.q_start, CHECKS_PER_SAMPLE * outcome.point.n_contact
+        )
         return limits.limit_use(motion, self.arm)
 
 

@@ -11,7 +11,7 @@ teach pendant.
 """
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces_
+from pydrake.multibody.tree import FixedOffsetFrame, JacobianWrtVariable, MultibodyForces_, RigidBody
 from pydrake.symbolic import Expression
 
 from flipdiagram.arrays import Array
@@ -40,10 +40,16 @@ class ArmModel:
     [rad]; qd_max [rad/s]; tau_max, tau_rated [N m]; each of shape (n_joints,), read from the URDF and scaled.
     """
 
-    def __init__(self, spec: ArmSpec | None = None) -> None:
-        """The arm of a spec, by default mh3f.urdf with spatula.urdf."""
+    def __init__(
+        self, spec: ArmSpec | None = None, add_load: Callable[[MultibodyPlant], RigidBody] | None = None
+    ) -> None:
+        """The arm of a spec, by default mh3f.urdf with spatula.urdf; add_load adds a body, which is welded on at C."""
         plant, spec = MultibodyPlant(0.0), spec or ArmSpec()
         handles = self.handles = add_arm(plant, spec)
+        self._load: FixedOffsetFrame | None = None
+        if add_load is not None:
+            self._load = plant.AddFrame(FixedOffsetFrame("load", handles.control_point, RigidTransform()))
+            plant.WeldFrames(self._load, add_load(plant).body_frame())
         plant.Finalize()
         by_name = {name: plant.GetJointByName(name, handles.arm) for name in handles.rated_torques}
         self.joint_names = tuple(sorted(by_name, key=lambda name: by_name[name].velocity_start()))
@@ -76,6 +82,15 @@ class ArmModel:
         self._control_point = plant.get_frame(self.handles.control_point.index())
         self._forces = MultibodyForces_[scalar](plant)
         self._zero3 = np.zeros(3)
+
+    def shift_load(self, shift: float) -> None:
+        """Let the load sit this far from C along the blade's tangent s [m]."""
+        if self._load is not None:
+            self._load.SetPoseInParentFrame(self._context, RigidTransform([0.0, shift, 0.0]))
+
+    def own_context(self) -> Any:
+        """A copy of its Context: with the load where it sits."""
+        return self._context.Clone()
 
     def gear_ratios(self, field: str) -> Array:
         """Turns of each motor per turn of its joint (n,) [1], for a field that needs them.

@@ -37,6 +37,12 @@ def arm_of(scenario: Scenario) -> ArmModel:
     return ArmModel(_arm_spec(scenario))
 
 
+def loaded_arm_of(scenario: Scenario) -> ArmModel:
+    """The arm with the object that it shall carry, of the mass that the planner knows: for planned torques alone."""
+    planned = scenario.with_overrides({"disturbance.object_mass_scale": 1.0})
+    return ArmModel(_arm_spec(scenario), lambda plant: add_object(plant, planned))
+
+
 def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
     """Add arm, spatula, block and table to a plant that is not finalized; raises InputError for a bad number."""
     arm, gears = add_arm(plant, _arm_spec(scenario)), None

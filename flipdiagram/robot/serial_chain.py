@@ -62,12 +62,14 @@ def serial_chain(arm: ArmModel) -> SerialChain | None:
     """The chain of an arm under vertical gravity; None where it is none, see `chain_in`, or gravity is tilted."""
     if np.any(np.asarray(arm.plant.gravity_field().gravity_vector())[:2]):
         return None
-    return chain_in(arm.plant, arm.handles, arm.joint_names)
+    return chain_in(arm.plant, arm.handles, arm.joint_names, arm.own_context())
 
 
-def chain_in(plant: Any, handles: ArmHandles, joint_names: Sequence[str]) -> SerialChain | None:
+def chain_in(
+    plant: Any, handles: ArmHandles, joint_names: Sequence[str], context: Any | None = None
+) -> SerialChain | None:
     """The chain in a finalized plant, with all that is welded to it; None where there are branches, joints that slide
-    or joints out of order.
+    or joints out of order.  context: where things are welded, which may be changed here; None: by default.
     """
     joints = [plant.GetJointByName(name, handles.arm) for name in joint_names]
     if not all(isinstance(joint, RevoluteJoint) for joint in joints):
@@ -77,7 +79,7 @@ def chain_in(plant: Any, handles: ArmHandles, joint_names: Sequence[str]) -> Ser
     nested = all(after < before for before, after in zip(carried, carried[1:], strict=False))
     if not nested or last not in carried[-1]:
         return None
-    context = plant.CreateDefaultContext()
+    context = plant.CreateDefaultContext() if context is None else context
     for joint in joints:
         joint.set_angle(context, 0.0)
     frames = [joint.frame_on_parent().CalcPoseInWorld(context) for joint in joints]

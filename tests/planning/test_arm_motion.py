@@ -139,7 +139,8 @@ def test_all_rows_by_machine_code_are_those_by_numpy_and_drake(fields, shift):
         horizons.restart(state, horizons.q_start, shift)
     by_plant = Convexification(scenario, horizons.arm, native=False)
     by_plant.start, by_plant.shift, by_plant._in_motion = horizons.start, horizons.shift, horizons._in_motion
-    by_plant._q_start = horizons.q_start
+    by_plant.q_start = horizons.q_start
+    by_plant.motion.shift_load(horizons.shift)
     (rows, motion), (expected, by_drake) = horizons.rows(point), by_plant.rows(point)
     for name in ("q", "qd", "torque", "from_task", "torque_from_task"):
         np.testing.assert_allclose(getattr(motion, name), getattr(by_drake, name), rtol=1e-9, atol=1e-10)

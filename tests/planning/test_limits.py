@@ -11,6 +11,7 @@ from flipdiagram.planning.horizon import Layout
 from flipdiagram.planning.limits import POSITION, SPEED, TORQUE, Allowed
 from flipdiagram.planning.rows import Rows
 from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.parts import loaded_arm_of
 
 LAYOUT, FIRST, X = Layout(release=4, n_brake=2), 2, 0.5
 SEEDS = range(4)
@@ -51,12 +52,15 @@ def test_joint_motion_is_what_the_arm_says(arm, seed):
             np.testing.assert_allclose(motion.torque[end, k], tau, atol=1e-5)
 
 
-@pytest.mark.parametrize("native", [False, True], ids=["plant", "chain"])
+@pytest.mark.parametrize(
+    ("native", "carried"), [(False, 0), (True, 0), (False, 2), (True, 2)], ids=["plant", "chain", "loaded", "its chain"]
+)
 @pytest.mark.parametrize("seed", SEEDS)
-def test_rows_are_the_linearised_limits_of_the_joints_near_them(arm, seed, native):
+def test_rows_are_the_linearised_limits_of_the_joints_near_them(arm, seed, native, carried):
     states, inputs, q_start = random_motion(arm, seed)
-    mover = arm_motion(arm, X, native)
-    motion = mover.follow(states, inputs, q_start)
+    loaded = loaded_arm_of(IDEAL.with_overrides({"object.mass": 5.0}))
+    mover = arm_motion(arm, X, native, loaded)
+    motion = mover.follow(states, inputs, q_start, carried)
     # limits of which this motion uses 20 to 120 %: some joints are near, some are not
     rng = np.random.default_rng(100 + seed)
     middle = (arm.q_min + arm.q_max) / 2
@@ -88,7 +92,8 @@ def test_rows_are_the_linearised_limits_of_the_joints_near_them(arm, seed, nativ
                     found[SPEED].append(1 - abs(qd[j]) / allowed.speed[j])
         for k in range(len(inputs)):
             for end in (0, 1):
-                tau = joints(arm, states[k + end], inputs[k], motion.q[k + end])[2]
+                of = loaded if k < carried else arm
+                tau = joints(of, states[k + end], inputs[k], motion.q[k + end])[2]
                 near = np.abs(motion.torque[end, k]) > limits.NEAR * allowed.torque
                 found[TORQUE] += (1 - np.abs(tau) / allowed.torque)[near].tolist()
         return {group: np.array(values) for group, values in found.items()}

@@ -166,6 +166,9 @@ def place():
         "touchdown_speed_m_s": 0.18,
         "slid_m": 0.0189,
         "planned_slide_m": 0.018,
+        "strike_time_s": None,
+        "strike_duration_s": 0.0,
+        "strike_force_N": 0.0,
         "position_rmse_m": 0.0029,
     }
     return {"plan": {"tilt_rad": 1.11, "friction_angle_rad": 1.08}, "target_y_m": 0.1, "runs": [run]}
