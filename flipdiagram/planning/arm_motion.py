@@ -48,7 +48,7 @@ class ArmMotion:
     """
 
     def __init__(self, arm: ArmModel, x: float, loaded: ArmModel | None = None) -> None:
-        self.arm, self.x = arm, x
+        self.arm, self.x, self.shift = arm, x, 0.0
         self.loaded = None if loaded is None else self._of_load(loaded)
 
     def _of_load(self, loaded: ArmModel) -> "ArmMotion":
@@ -56,8 +56,13 @@ class ArmMotion:
 
     def shift_load(self, shift: float) -> None:
         """Let the object sit this far from the middle of the blade along s [m]."""
-        if self.loaded is not None:
-            self.loaded.arm.shift_load(shift)
+        if self.loaded is not None and shift != self.shift:
+            self.shift = shift
+            self.loaded.carry_at(shift)
+
+    def carry_at(self, shift: float) -> None:
+        """`shift_load`, of the arm with the object."""
+        self.arm.shift_load(shift)
 
     def joint_angles(self, pose: Floats, seed: Floats) -> Floats:
         """q (n,) [rad] at a task pose (6,), near the seed; raises PlanningError where the arm cannot be there."""
@@ -126,11 +131,10 @@ class ChainMotion(ArmMotion):
         assert chain is not None, "what is welded to its end makes an arm no less a chain"
         return ChainMotion(loaded, self.x, chain)
 
-    def shift_load(self, shift: float) -> None:
+    def carry_at(self, shift: float) -> None:
         """As of `ArmMotion`."""
-        super().shift_load(shift)
-        if isinstance(self.loaded, ChainMotion) and (chain := serial_chain(self.loaded.arm)):
-            self.loaded._chain = chain
+        super().carry_at(shift)
+        self._chain = serial_chain(self.arm) or self._chain
 
     def joint_angles(self, pose: Floats, seed: Floats) -> Floats:
         """As of `ArmMotion`, which is asked where Newton's method finds none."""

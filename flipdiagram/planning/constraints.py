@@ -9,7 +9,7 @@ numba compiles the loop over i where planning is hot.  Else the loop runs once, 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
@@ -85,6 +85,10 @@ class Trajectory:
     sampling_time: float
     passed: float = 0.0
     before: Floats | None = None
+
+    def between(self, other: Trajectory) -> Trajectory:
+        """Half-way to another one, with its samples."""
+        return replace(other, states=(self.states + other.states) / 2, inputs=(self.inputs + other.inputs) / 2)
 
 
 def bound_law(x: Any, p: Any, margin: Any, slope: Any) -> None:

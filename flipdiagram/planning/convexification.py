@@ -138,8 +138,7 @@ class Convexification:
         Raises PlanningError where the arm cannot be there.
         """
         self.allowed = limits.Allowed.of(self.arm, self.scenario, divisors)
-        if shift != self.shift:
-            self.motion.shift_load(shift)
+        self.motion.shift_load(shift)
         self.start, self.shift, self._in_motion = state, shift, True
         tool = self._tool(state[None, :])[0]
         self.q_start = self.motion.joint_angles(task_pose(tool, self.scenario.task.start_x), q_seed)
@@ -191,8 +190,7 @@ class Convexification:
         """All inequality rows, linearised about a trajectory, and the arm's motion along it."""
         motion, w = self._follow(point), self.layout.pack(point.states, point.inputs)
         others = self._linearisation(point.n_contact, point.n_flight, self.shift).at(w)
-        at = self.moving(point)
-        joints = limits.joint_rows(self.layout, motion, at, self.motion, self.allowed, self._in_motion)
+        joints = limits.joint_rows(self.layout, motion, self.moving(point), self.motion, self.allowed, self._in_motion)
         return Rows.about(w, [others, *joints]), motion
 
     def _make_linearisation(self, n_contact: int, n_flight: int, shift: float) -> Linearisation:
@@ -234,7 +232,7 @@ class Convexification:
                     point = self.guess(point.n_contact, point.n_flight)
                 elif trust > LEAST_TRUST:
                     # the arm lost the path: go back half-way to where it could follow, and step less far
-                    point = _between(outcome.linearised_at, point)
+                    point = outcome.linearised_at.between(point)
                 elif outcome.slack:
                     return outcome
                 else:
@@ -265,7 +263,7 @@ class Convexification:
                 trust = max(trust / 2, 2 * tolerance)
             # far from the last trajectory a linearisation errs and the iterates swing; half-way damps it
             swings = change > SWING * last_change and float(np.sum(step * last_step)) < 0
-            point = _between(point, following) if swings else following
+            point = point.between(following) if swings else following
             last_step, last_change = step, change
         if outcome is None:
             raise PlanningError(f"no motion found within {iterations} linearisations")
@@ -300,7 +298,3 @@ class Convexification:
             passed=point.passed,
             limit_divisors=self.allowed.divisors,
         )
-
-
-def _between(a: Trajectory, b: Trajectory) -> Trajectory:
-    return replace(b, states=(a.states + b.states) / 2, inputs=(a.inputs + b.inputs) / 2)
