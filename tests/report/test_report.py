@@ -273,7 +273,7 @@ def test_a_text_of_a_user_is_no_markup(tmp_path):
 def test_replanning_and_laying_down_have_their_tables(written):
     text = written().markdown.read_text(encoding="utf-8")
     assert "| nothing | planned once | dropped at 0.3 s | dropped at 0.3 s | **0.61**, 0.30 cm, 0.5 mm |" in text
-    assert "| `pd+dob` | laid down | 0.4 | 0.000 | 0.18 | 18.9 | 18.0 | 0.29 |" in text
+    assert "| `pd+dob` | laid down | 0.4 | 0.000 | 0.18 | 18.9 | 18.0 | never | 0.29 |" in text
 
 
 def test_random_worlds_are_compared_with_the_plan_made_once():
