@@ -8,6 +8,16 @@ from flipdiagram.blocks._checks import channels, whole
 from flipdiagram.blocks.block import Block, convertible
 
 
+def shifted(stored: Array, u: Array) -> Array:
+    """The last inputs with u (n,) as the youngest and without the oldest; shape (n · periods,) as `stored`."""
+    return np.concatenate((stored[u.size :], u))
+
+
+def oldest(stored: Array, num_channels: int) -> Array:
+    """The first of the last inputs, shape (num_channels,)."""
+    return stored[:num_channels]
+
+
 @convertible()
 class Delay(Block):
     """y[k] = u[k - periods], for n channels; `periods` >= 1, `period` and `offset` in [s].
@@ -24,11 +34,5 @@ class Delay(Block):
         self.input("u", num_channels)
         self.initial = channels("initial", initial, num_channels, minimum=-np.inf)
         self.state("stored", np.tile(self.initial, periods))
-        self.update(self._shifted, period, offset)
-        self.output("y", num_channels, self._oldest)
-
-    def _shifted(self, stored: Array, u: Array) -> Array:
-        return np.concatenate([stored[self.num_channels :], u])
-
-    def _oldest(self, stored: Array) -> Array:
-        return stored[: self.num_channels]
+        self.update(shifted, period, offset)
+        self.output("y", num_channels, oldest)

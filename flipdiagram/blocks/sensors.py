@@ -6,19 +6,24 @@ from numpy.typing import ArrayLike
 
 from flipdiagram.arrays import Array
 from flipdiagram.blocks._checks import channels
-from flipdiagram.blocks._scalars import choose
+from flipdiagram.blocks._scalars import choose, over_floats
 from flipdiagram.blocks.block import Block, convertible
 
 
+def _quantised_floats(q: Array, resolution: Array) -> Array:
+    on = resolution > 0.0
+    step = np.where(on, resolution, 1.0)
+    return np.where(on, step * np.floor(q / step + 0.5), q)
+
+
+@over_floats(_quantised_floats)
 def quantised(q: Array, resolution: Array) -> Array:
     """The multiple of `resolution` next to q, halves upwards; q itself where the resolution is 0.
 
     Shapes (n,), [rad] or [m]. The derivative with respect to q is 0 where the resolution is not.
     """
     if q.dtype != object:
-        on = resolution > 0.0
-        step = np.where(on, resolution, 1.0)
-        return np.where(on, step * np.floor(q / step + 0.5), q)
+        return _quantised_floats(q, resolution)
     rounded = []
     for position, size in zip(q, resolution, strict=True):
         step = choose(size > 0.0, size, type(size)(1.0))  # no division by zero in the branch not taken

@@ -2,14 +2,14 @@
 
 import inspect
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import Context, Diagram, LeafSystem, System, ValueProducer
-from pydrake.systems.primitives import Adder, Gain
+from pydrake.systems.framework import BasicVector, Context, Diagram, LeafSystem, System, ValueProducer
+from pydrake.systems.primitives import Adder, Gain, PassThrough
 
 from flipdiagram.arrays import Floats
 from flipdiagram.blocks.block import Law
@@ -32,14 +32,16 @@ class Step(NamedTuple):
 class Program:
     """The laws of a diagram, in an order in which each finds its arguments.
 
-    Values stand in one list: inputs, states in the order of `boxes`, then parameters and results.
+    Values stand in one list: inputs, states in the order of `boxes`, parameters that may change, then what is constant
+    and results.
 
-    Attributes: steps; values, the list with what is constant filled in; boxes, those with a state; given, the parts of
-    one vector that inputs and states are; results, where the values of the output ports and then the next states of
-    the boxes stand.
+    Attributes: steps; values, the list with what is constant filled in; boxes, those with a state; tuned, box and name
+    of the parameters that may change; given, the parts of one vector that inputs, states and they are; results, where
+    the values of the output ports and then the next states of the boxes stand.
     """
 
-    def __init__(self, diagram: Diagram) -> None:
+    def __init__(self, diagram: Diagram, tuned: Collection[str] = ()) -> None:
+        """tuned: names of parameters that may change, of whatever box."""
         self._context = diagram.CreateDefaultContext()
         self._wires = {(end.get_name(), int(i)): start for (end, i), start in diagram.connection_map().items()}
         self.steps: list[Step] = []
@@ -53,8 +55,17 @@ class Program:
         self.boxes = [box for box in diagram.GetSystems() if self.context_of(box).num_total_states()]
         for box in self.boxes:
             self._places["state", box.get_name()] = self._place(None)
-        states = [self.context_of(box).num_total_states() for box in self.boxes]
-        self.given = slices([port.size() for port in inputs] + states)
+        self.tuned = [
+            (box, name)
+            for box in diagram.GetSystems()
+            for name in getattr(box, "numeric_parameter_names", ())
+            if name in tuned
+        ]
+        for box, name in self.tuned:
+            self._places["parameter", box.get_name(), name] = self._place(None)
+        sizes = [self.context_of(box).num_total_states() for box in self.boxes]
+        sizes += [getattr(box, name).size for box, name in self.tuned]
+        self.given = slices([port.size() for port in inputs] + sizes)
         outputs = [diagram.get_output_port(i).get_index() for i in range(diagram.num_output_ports())]
         self.results = [self._output(box, int(k)) for box, k in map(diagram.get_output_port_locator, outputs)]
         self.results += [self._next_state(box) for box in self.boxes]
@@ -86,7 +97,9 @@ class Program:
         key = "output", system.get_name(), index
         if key in self._places:
             return self._places[key]
-        if isinstance(system, Adder):
+        if isinstance(system, PassThrough):
+            place = self._input(system, 0)
+        elif isinstance(system, Adder):
             place = self._input(system, 0)
             for i in range(1, system.num_input_ports()):
                 place = self._step(operator.add, place, self._input(system, i))
@@ -126,6 +139,8 @@ class Program:
             raise NotFusible(box.get_name())
         if name in box.laws:
             return self._law(box, box.laws[name][0])
+        if ("parameter", box.get_name(), name) in self._places:
+            return self._places["parameter", box.get_name(), name]
         if name in box.numeric_parameter_names:
             return self._place(box.value_in(self.context_of(box), name))
         return self._place(getattr(box, name))
@@ -140,14 +155,15 @@ class Fused(LeafSystem):
     """What a diagram of Blocks computes: its input and output ports by name, its states, its sample time.
 
     Equal to the diagram to the bit; with `native`, and where its laws can be compiled, to rounding (see
-    `machine_code`).  Parameters are those of its default Context; all outputs are computed at once, so
-    each depends on every input.  Raises NotFusible where a system is neither a Block with laws of vectors nor an Adder
-    or Gain of Drake's, and where sample times differ.
+    `machine_code`).  Parameters are those of its default Context but for the `tuned` ones, which are parameters of its
+    own; all outputs are computed at once, so each depends on every input.  Raises NotFusible where a system is neither
+    a Block with laws of vectors nor an Adder, Gain or PassThrough of Drake's, and where sample times differ.
     """
 
-    def __init__(self, diagram: Diagram, native: bool = False) -> None:
+    def __init__(self, diagram: Diagram, native: bool = False, tuned: Collection[str] = ()) -> None:
+        """tuned: names of the parameters that may change in a Context, of whatever box."""
         super().__init__()
-        program = self._program = Program(diagram)
+        program = self._program = Program(diagram, tuned)
         compiled = machine_code(program) if native else None
         self.is_native, self.compute = compiled is not None, compiled or program.run
         for i in range(diagram.num_input_ports()):
@@ -156,7 +172,10 @@ class Fused(LeafSystem):
         self._inputs = [self.get_input_port(i).Eval for i in range(self.num_input_ports())]
         states = [program.context_of(box).get_discrete_state_vector().CopyToVector() for box in program.boxes]
         producer = ValueProducer(lambda: Value[object](), lambda context, value: value.set_value(self._run(context)))
-        everything = self.DeclareCacheEntry("values", producer, {self.all_input_ports_ticket(), self.xd_ticket()})
+        for box, name in program.tuned:
+            self.DeclareNumericParameter(BasicVector(getattr(box, name)))
+        tickets = {self.all_input_ports_ticket(), self.xd_ticket(), self.all_parameters_ticket()}
+        everything = self.DeclareCacheEntry("values", producer, tickets)
         self._values = everything.Eval
         ports = [diagram.get_output_port(i) for i in range(diagram.num_output_ports())]
         parts = slices([port.size() for port in ports])
@@ -181,7 +200,22 @@ class Fused(LeafSystem):
         parts = [read(context) for read in self._inputs]
         if self._has_state:
             parts.append(context.get_discrete_state_vector().value())
+        parts += [context.get_numeric_parameter(k).value() for k in range(len(self._program.tuned))]
         return np.concatenate(parts)
+
+    def put_state(self, context: Context, box: str, values: Floats) -> None:
+        """Set what the state of a box of the diagram was, in a Context of its own; nothing where the box has none."""
+        state, first = context.get_mutable_discrete_state_vector(), 0
+        for one in self._program.boxes:
+            size = self._program.context_of(one).num_total_states()
+            if one.get_name() == box:
+                state.get_mutable_value()[first : first + size] = values
+            first += size
+
+    def tune(self, context: Context, value: float) -> None:
+        """Set all parameters that may change, in a Context of its own."""
+        for k, (box, name) in enumerate(self._program.tuned):
+            context.get_mutable_numeric_parameter(k).SetFromVector(np.full(getattr(box, name).size, value))
 
     def _run(self, context: Context) -> Floats:
         given = self.given(context)

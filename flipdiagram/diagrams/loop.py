@@ -186,8 +186,8 @@ def build_loop(
         record: add sinks that log the signals every controller period.
         replace: boxes of the user's own by name, {"pd": MyController}, see `replacement.with_replaced`.
         meshcat: where to show the cell.
-        native: the controller as one box that computes the same, to rounding, in a fraction of the time; its boxes are
-            then none of the diagram's.  Not with boxes of the user's own.
+        native: sensors and controller as one box that computes the same, to rounding, in a fraction of the time; its
+            boxes are then none of the diagram's.  Not with boxes of the user's own.
         replanner: what makes that by which an MPC plans again, by default a `Replanner` of the scenario.
         external_commands: no MPC; `x_cmd`, `v_cmd`, `a_cmd` are input ports of the diagram.
 
@@ -220,12 +220,15 @@ def build_loop(
     resting = Resting(scenario, architecture, arm, start)
     stands = scenario.simulation.start == "equilibrium" and not (native or replace)
     cell = ENGINES[scenario.simulation.engine](builder, scenario, arm, start.q, resting.at_rest if stands else None)
-    seen = add_sensing(builder, scenario, arm, cell.q, cell.qd, resting.q, offset)
-    signals = {**commands, "q": seen.q, "qd": seen.qd}
+    seen: Sensing
     boxes: Controller
-    if native:
-        boxes = add_native_controller(builder, scenario, architecture, arm, start.q, signals, offset)
+    if native and mpc is not None:
+        ports = {name: mpc.GetOutputPort(name) for name in COMMANDS} | {"q": cell.q, "qd": cell.qd}
+        seen, boxes = add_native_controller(builder, scenario, architecture, arm, start.q, ports, offset)
+        signals = {**commands, "q": seen.q, "qd": seen.qd}
     else:
+        seen = add_sensing(builder, scenario, arm, cell.q, cell.qd, resting.q, offset)
+        signals = {**commands, "q": seen.q, "qd": seen.qd}
         boxes = add_controller(
             builder, scenario, architecture, arm, start.q, signals, offset, replace, resting.observed
         )

@@ -48,8 +48,8 @@ class Printer:
         self.files: set[str] = set()
         self._known: dict[int, str] = {}
         self._values = program.values
-        for k, part in enumerate(program.given):
-            self.lines.append(f"v{k} = given[{part.start}:{part.stop}]")
+        for k in range(len(program.given)):  # sizes are no part of the text: delays of any length share it
+            self.lines.append(f"v{k} = given[ends[{k}]:ends[{k + 1}]]")
         for law, arguments, result in program.steps:
             terms = [self._value(k) for k in arguments]
             if isinstance(law, int):
@@ -66,8 +66,8 @@ class Printer:
 
     @property
     def text(self) -> str:
-        """The source of the function `compute(given, numbers)`."""
-        return "\n    ".join(["def compute(given, numbers):", *self.lines]) + "\n"
+        """The source of the function `compute(given, ends, numbers)`."""
+        return "\n    ".join(["def compute(given, ends, numbers):", *self.lines]) + "\n"
 
     def _value(self, k: int) -> str:
         return f"v{k}" if self._values[k] is None else self._constant(self._values[k])
@@ -141,14 +141,15 @@ def machine_code(program: Program) -> Callable[[Floats], Floats] | None:
 
     It raises LinAlgError where a law would say that a matrix is singular.
     """
-    from numba import float64
+    from numba import float64, int64
     from numba.core.errors import NumbaError
 
     try:
         printer = Printer(program)
         exec(printer.text, names := {"np": np, "__name__": __name__, **printer.names})
         compute, numbers = kept(names["compute"], names, printer.text, printer.files), np.array(printer.numbers)
-        compute.compile((float64[::1], float64[::1]))
+        compute.compile((float64[::1], int64[::1], float64[::1]))
     except (NotPrintable, NumbaError):
         return None
-    return lambda given: compute(given, numbers)
+    ends = np.array([0, *(part.stop for part in program.given)])
+    return lambda given: compute(given, ends, numbers)

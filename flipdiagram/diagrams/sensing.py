@@ -1,5 +1,6 @@
 """What the controller sees of the joints: through what the scenario has of noise, encoder, delay, velocity filter."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -46,8 +47,11 @@ def add_sensing(
     qd: OutputPort,
     q_start: Floats,
     offset: float,
+    add_noise: Callable[[SensorNoise, str, OutputPort], OutputPort] | None = None,
 ) -> Sensing:
     """Add the sensors of a scenario behind the ports q and qd of a cell; offset [s], that of the sampled boxes.
+
+    add_noise: adds a noise of this name to a signal, where its box shall stand elsewhere.
 
     Raises InputError where an encoder on the motor's side needs gear ratios that nobody gives.
     The encoder rounds angles that are noisy already.  Noise of the velocities comes before their delay, or after the
@@ -64,7 +68,8 @@ def add_sensing(
     def noisy(signal: OutputPort, name: str, deviation: float, stream: int) -> OutputPort:
         if deviation == 0:
             return signal
-        return through(SensorNoise(np.full(n, deviation), sensors.noise_seed, period, offset, stream), name, signal)
+        box = SensorNoise(np.full(n, deviation), sensors.noise_seed, period, offset, stream)
+        return (add_noise or through)(box, name, signal)
 
     seen.q = noisy(q, "position_noise", sensors.position_noise, 0)
     if sensors.encoder_resolution > 0 or scenario.encoder_bits:

@@ -104,11 +104,14 @@ class MujocoPlant(Block):
         # where the numbers of MuJoCo's qpos and qvel stand in the state, and the accelerations begin
         block, gear = 2 * n, 2 * n + BLOCK
         own, self._gears = np.arange(n), 0 if parts.gears is None else n
-        self._warm = gear + 2 * self._gears
+        warm = gear + 2 * self._gears
         angles = [own] if parts.gears is None else [own, gear + own]
         speeds = [n + own] if parts.gears is None else [n + own, gear + n + own]
-        self._qpos = np.r_[np.ravel(angles, "F"), block + 4 : block + 7, block : block + 4]
-        self._qvel = np.r_[np.ravel(speeds, "F"), block + 10 : block + 13, block + 7 : block + 10]
+        qpos = np.r_[np.ravel(angles, "F"), block + 4 : block + 7, block : block + 4]
+        qvel = np.r_[np.ravel(speeds, "F"), block + 10 : block + 13, block + 7 : block + 10]
+        from flipdiagram.plants import mujoco_state  # numba takes half a second, and a drawing does without
+
+        self._native, self._places = mujoco_state, (qpos, qvel, warm)
         self.input("tau", n)
         self.applied: list[ExternallyAppliedSpatialForce] = []
         if pushed:
@@ -137,28 +140,18 @@ class MujocoPlant(Block):
 
     def _step(self, state: Floats, tau: Floats, applied: list[ExternallyAppliedSpatialForce]) -> tuple[Floats, Floats]:
         """The state one period later, and the mean contact wrench until then."""
-        work, n, mj_step = self._work, self.joints, self._mujoco.mj_step
-        coordinates = n + self._gears
+        work, mj_step, native = self._work, self._mujoco.mj_step, self._native
         model, data, sensors = self.model, work.data, work.sensors
-        work.qpos[:], work.qvel[:], work.warm[:] = state[self._qpos], state[self._qvel], state[self._warm :]
-        quaternion, spin = work.qpos[coordinates + 3 :], work.qvel[coordinates + 3 :]
-        self._turn(spin, quaternion, -1.0)
+        native.put(state, *self._places, work.qpos, work.qvel, work.warm)
         work.torque[:] = tau
         work.push[:] = self._push(work, applied) if applied else 0.0
         for k in range(self.substeps):
             mj_step(model, data)
             work.sensed[k] = sensors
-        after = np.empty_like(state)
-        after[self._qpos], after[self._qvel], after[self._warm :] = work.qpos, work.qvel, work.warm
-        self._turn(after[2 * n + 7 : 2 * n + 10], quaternion, 1.0)
+        after = native.taken(*self._places, work.qpos, work.qvel, work.warm)
         if not math.isfinite(after.dot(after)):
             raise SimulationError("the simulation diverged: MuJoCo's state is not finite")
-        return after, _mean_wrench(work.sensed)
-
-    def _turn(self, vector: Floats, quaternion: Floats, sign: float) -> None:
-        """Turn a vector from the axes of the block into the world's, or back (sign = -1), in place."""
-        w, x, y, z = quaternion
-        self._mujoco.mju_rotVecQuat(vector, vector.copy(), np.array([w, sign * x, sign * y, sign * z]))
+        return after, native.mean_wrench(work.sensed, native.FORCES)
 
     def _push(self, work: "_Workspace", applied: list[ExternallyAppliedSpatialForce]) -> Floats:
         """Force and moment about the last link's centre (6,) [N, N m], in the pose where the step begins."""
@@ -196,21 +189,6 @@ class _Workspace(threading.local):
         self.push = data.xfrc_applied[model.body("blade").id]
         self.sensed = np.empty((substeps, model.nsensordata))
         self.context = plant.CreateDefaultContext()
-
-
-FORCES = np.r_[:3, 9:12, 18:21, 3:6]
-"""Where the sensors have the force of each pair, and the first pair's moment: of each its force, moment and point."""
-
-
-def _mean_wrench(sensed: Floats) -> Floats:
-    """The port `contact_wrench` (12,) of what the sensors gave in each step of MuJoCo's (steps, 27)."""
-    wrench: Floats = (np.sum(sensed, axis=0) / len(sensed))[FORCES]
-    # point times force: its antisymmetric part is the moment about the origin
-    C = (sensed[:, 6:9].T.dot(sensed[:, :3]) / len(sensed)).tolist()
-    wrench[9] += C[1][2] - C[2][1]
-    wrench[10] += C[2][0] - C[0][2]
-    wrench[11] += C[0][1] - C[1][0]
-    return wrench
 
 
 def add_mujoco_cell(

@@ -8,19 +8,22 @@ import pytest
 from ideal import IDEAL
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import PassThrough
 from robots import PANDA, package_file
 from shared import ideal_flip, ideal_plan
 
 from flipdiagram.blocks.commands import SinusoidalCommand
 from flipdiagram.blocks.observer import DisturbanceObserver
 from flipdiagram.blocks.pd import ProportionalDerivative
-from flipdiagram.diagrams.controller import build_controller
+from flipdiagram.diagrams.controller import add_controller, build_controller
 from flipdiagram.diagrams.fused import Fused, NotFusible
 from flipdiagram.diagrams.loop import build_loop
+from flipdiagram.diagrams.native_controller import add_native_controller
+from flipdiagram.diagrams.sensing import add_sensing
 from flipdiagram.errors import SimulationError
 from flipdiagram.robot.native_arm import native_arm
 from flipdiagram.robot.parts import arm_of
-from flipdiagram.scenario.scenario import ARCHITECTURES
+from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.simulation.simulate import simulate
 
 SIGNALS = ("x_cmd", "v_cmd", "a_cmd", "q", "qd")
@@ -106,6 +109,59 @@ def test_so_does_that_of_an_arm_of_seven_joints(architecture):
     assert np.ptp(boxes, axis=0).min() > 0.01
 
 
+SENSORS = {
+    "documented": {},
+    "noisy": {"sensors.position_noise": 1e-4, "sensors.velocity_noise": 0.01, "sensors.delay": 3},
+    "exact velocity": {"sensors.velocity_cutoff": None, "sensors.velocity_noise": 0.01, "sensors.delay": 2},
+}
+
+
+def sensed_controller(scenario, native):
+    """Sensors and controller with the figure's inputs, as boxes or as one."""
+    builder, arm = DiagramBuilder(), arm_of(scenario)
+    arm = native_arm(arm) if native else arm
+    ports = {}
+    for name, size in {"x_cmd": 6, "v_cmd": 6, "a_cmd": 6, "q": arm.n_joints, "qd": arm.n_joints}.items():
+        entry = builder.AddNamedSystem(name, PassThrough(size))
+        builder.ExportInput(entry.get_input_port(), name)
+        ports[name] = entry.get_output_port()
+    if native:
+        seen, boxes = add_native_controller(builder, scenario, "pd+ff+dob", arm, arm.home, ports)
+    else:
+        seen = add_sensing(builder, scenario, arm, ports["q"], ports["qd"], arm.home, 0.0)
+        signals = ports | {"q": seen.q, "qd": seen.qd}
+        boxes = add_controller(builder, scenario, "pd+ff+dob", arm, arm.home, signals)
+    builder.ExportOutput(boxes.output("tau"), "tau")
+    return builder.Build(), seen
+
+
+@pytest.mark.parametrize("fields", SENSORS.values(), ids=SENSORS.keys())
+def test_sensors_are_in_the_box_too(fields):
+    scenario = Scenario().with_overrides(fields)
+    ticks = flip_ticks()[::5]
+    systems = [sensed_controller(scenario, native)[0] for native in (False, True)]
+    assert systems[1].GetSubsystemByName("controller").is_native
+    boxes, native = (sent(system, ticks) for system in systems)
+    np.testing.assert_allclose(native, boxes, atol=1e-12 * np.abs(boxes).max())
+    assert np.abs(boxes).max() > 10.0
+
+
+def test_sensors_in_the_box_have_seen_and_measure_exactly_as_boxes_do():
+    scenario, torques = Scenario().with_overrides(SENSORS["noisy"]), []
+    for native in (False, True):
+        system, seen = sensed_controller(scenario, native)
+        context, arm = system.CreateDefaultContext(), arm_of(scenario)
+        for name, value in random_ticks(arm, 1)[0].items():
+            system.GetInputPort(name).FixValue(context, value)
+        told = []
+        for change in (seen.without_error, lambda context, seen=seen, q=arm.home + 0.003: seen.have_seen(context, q)):
+            change(context)
+            told.append(system.GetOutputPort("tau").Eval(context).copy())
+        torques.append(told)
+    np.testing.assert_allclose(torques[1], torques[0], atol=1e-10)
+    assert np.abs(np.diff(torques[0], axis=0)).max() > 1.0
+
+
 def test_laws_that_cannot_be_compiled_are_called_as_they_are():
     """The kinematics of Drake's own arm, and its gravity."""
     arm = arm_of(IDEAL)
@@ -130,7 +186,7 @@ def test_at_a_singular_pose_it_says_what_the_boxes_say():
 FRESH = """
 import numpy as np
 from flipdiagram.diagrams.fused import Fused
-from flipdiagram.diagrams.controller import build_controller
+from flipdiagram.diagrams.controller import add_controller, build_controller
 from flipdiagram.errors import SimulationError
 from flipdiagram.robot.native_arm import native_arm
 from flipdiagram.robot.parts import arm_of
