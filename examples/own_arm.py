@@ -32,6 +32,7 @@ UR5 = {
     "arm.base": "base_link",
     "arm.flange": "tool0",
     "arm.reflected_inertia": (1.5, 1.5, 1.0, 0.3, 0.3, 0.3),
+    "planner.contact_samples": (15, 45),  # its wrist turns at 3.2 rad/s at most: the contact may take 0.9 s, not 0.6
 }
 PANDA = {
     "arm.file": robot_file("panda_description/urdf/panda.urdf"),
