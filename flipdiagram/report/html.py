@@ -5,6 +5,8 @@ import re
 from base64 import b64encode
 from pathlib import Path
 
+from flipdiagram.report.contents import anchor
+
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 75rem; margin: 2rem auto; padding: 0 1.5rem; }
 h1 { font-size: 1.7rem; } h2 { margin-top: 2.5rem; border-bottom: 1px solid #ccc; } h3 { margin-top: 1.8rem; }
@@ -22,6 +24,7 @@ def self_contained(markdown: str, folder: Path) -> str:
 
     title = next((line.removeprefix("# ") for line in markdown.splitlines() if line.startswith("# ")), "report")
     body = MarkdownIt("commonmark", {"html": False}).enable("table").render(markdown)
+    body = re.sub(r"<h2>(.*?)</h2>", lambda h: f'<h2 id="{anchor(html.unescape(h[1]))}">{h[1]}</h2>', body)
     data = 'src="data:image/png;base64,{}"'
     body = re.sub(
         r'src="([^"]+\.png)"', lambda source: data.format(b64encode((folder / source[1]).read_bytes()).decode()), body

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from flipdiagram.report.claims import claims_grid
+from flipdiagram.report.contents import with_contents
 from flipdiagram.report.findings import border_sentences, fragile_sentence, lead_sentence
 from flipdiagram.report.sources import model_grid, scenario_grid
 from flipdiagram.scenario.scenario import Scenario
@@ -83,7 +84,8 @@ def page(summary: Summary, studies: Mapping[str, Summary], scenario: Scenario, f
         "## To reproduce",
         _commands(summary),
     ]
-    return "\n\n".join(part.strip("\n") for part in parts if part) + "\n"
+    text = "\n\n".join(part.strip("\n") for part in parts if part) + "\n"
+    return with_contents(text)
 
 
 def _versions(summary: Summary) -> str:

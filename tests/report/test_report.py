@@ -13,6 +13,7 @@ from flipdiagram.files import write_summary
 from flipdiagram.grid import Grid
 from flipdiagram.report import report
 from flipdiagram.report.claims import all_claims, claims_grid
+from flipdiagram.report.contents import with_contents
 from flipdiagram.report.findings import border_sentences, fragile_sentence, lead_sentence
 from flipdiagram.report.html import self_contained
 from flipdiagram.report.optional import SECTIONS, optional_sections
@@ -263,6 +264,16 @@ def test_the_html_needs_no_other_file_and_no_network(written):
     assert not re.findall(r"<(?:script|link|iframe|object|embed)\b|url\(|@import", html)
     assert html.count("<td>C1</td>") == 1 and html.count("<td>E8</td>") == 1
     assert html.startswith("<!DOCTYPE html>") and "<title>Reproduction report" in html
+
+
+def test_the_contents_lead_to_every_section(tmp_path):
+    page = with_contents("# A report\n\nOf today.\n\n## Is it physics, or E1–E8?\n\ntext\n\n## To reproduce\n")
+    links = re.findall(r"^\* \[(.+)\]\(#(.+)\)$", page, re.MULTILINE)
+    assert links == [("Is it physics, or E1–E8?", "is-it-physics-or-e1e8"), ("To reproduce", "to-reproduce")]
+    assert page.index("Of today.") < page.index("* [Is it") < page.index("## Is it")
+    html = self_contained(page, tmp_path)
+    assert re.findall(r'<h2 id="(.+?)">', html) == [target for _, target in links]
+    assert re.findall(r'href="#(.+?)"', html) == [target.replace("–", "%E2%80%93") for _, target in links]
 
 
 def test_a_text_of_a_user_is_no_markup(tmp_path):
