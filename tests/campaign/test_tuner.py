@@ -89,7 +89,7 @@ def test_the_result_is_written_with_its_figure(found, tmp_path):
     summary = json.loads((tmp_path / "tuning.json").read_text())
     assert summary["schema"] == "flipdiagram/tuning/1"
     page = (tmp_path / "tuning.md").read_text()
-    assert "`controller.k_p`" in page and "held out (40 trials)" in page
+    assert "`controller.k_p [1/s2]`" in page and "held out (40 trials)" in page
     assert (tmp_path / "tuning.png").stat().st_size > 5000
     assert "of rates Wilson's" in page
     held = found[1]["held_out"]
@@ -99,7 +99,7 @@ def test_the_result_is_written_with_its_figure(found, tmp_path):
     assert report_section(tmp_path.parent, ["nothing"]) == ""
     text = report_section(tmp_path.parent, ["nothing", tmp_path.name])
     assert "Default gains against tuned ones" in text
-    assert "`controller.k_p`" in text and f"({tmp_path.name}/tuning.png)" in text
+    assert "`controller.k_p [1/s2]`" in text and f"({tmp_path.name}/tuning.png)" in text
     shutil.copytree(tmp_path, tmp_path / "tuning", ignore=lambda *_: ["tuning"])
     assert "(tuning/tuning.png)" in report_section(tmp_path)  # the folder that the report looks into
 
