@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 GOOD, BAD = "yes", "no"
-UNITS = ("m/s2", "rad/s2", "m/s", "rad/s", "N m", "rad", "m", "s", "J", "N", "kg")
-"""Units that end the name of a number, such as `_rad_s2`; longest first."""
+UNITS = ("m/s2", "rad/s2", "m/s", "rad/s", "N m", "rad", "m", "s", "N", "kg")
+"""Units that end the name of a number, such as `_rad_s2`; longest first.  J in `cost_J` is the paper's cost."""
 
 
 def verdict(holds: bool | None) -> str:
@@ -49,8 +49,8 @@ def _ending(unit: str) -> str:
 def labelled(name: str, value: Any) -> tuple[str, str]:
     """An entry of summary.json in words: ('release_time_s', 0.4) as ('release time', '0.4 s')."""
     unit, text = unit_of(name), number(value)
-    if unit in ("1", "J") or text == "–":  # J is what the planner minimises, no energy
-        return name.removesuffix(_ending(unit) if unit != "J" else "").replace("_", " "), text
+    if unit == "1" or text == "–":
+        return name.removesuffix(_ending(unit)).replace("_", " "), text
     return name.removesuffix(_ending(unit)).replace("_", " "), f"{text} {unit.replace('2', '²')}"
 
 

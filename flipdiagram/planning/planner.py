@@ -1,5 +1,6 @@
 """From a scenario to a Plan: a search over the horizons, each settled by successive convexification."""
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -147,7 +148,10 @@ class Planner:
                 high = mass
             else:
                 low = mass
-        return f"largest mass for this arm: {'about' if low else 'less than'} {low or high:.2g} kg"
+        if not low:
+            return f"largest mass for this arm: less than {high:.2g} kg"
+        digit = 10.0 ** (math.floor(math.log10(low)) - 1)  # rounded down: what it says shall do
+        return f"largest mass for this arm: about {math.floor(low / digit) * digit:.2g} kg"
 
     def _check_start(self) -> None:
         """The start itself must be reachable, and the blade clear of the table there."""
@@ -175,6 +179,8 @@ class Planner:
             use, share = uses[name], self.horizons.allowed.shares(self.arm)[name]
             j = int(np.argmax(use / share))
             text += f" (joint {joints[j]} would need {use[j]:.2f} x its limit; the plan may use {share[j]:.2f})"
+            slower = "; valid may be a longer contact, planner.contact_samples"
+            text += slower if name == limits.SPEED else ""
         else:
             text += f" (short by {outcome.slack[name]:.3g})"
             full = {kind: joints[use.argmax()] for kind, use in uses.items() if use.max() > AT_LIMIT}

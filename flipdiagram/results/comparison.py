@@ -148,9 +148,9 @@ class Comparison:
         }
         found = [f"{count} {what}{'s' * (count > 1)}" for what, count in counts.items() if count]
         found += ["times"] if self.same_grid is False else []
-        found += ["notes"] if self.notes and not found else []
         a, b = _told_apart(self.names)
-        verdict = f" differ in {', '.join(found)}" if found else ": no difference"
+        alone = "; ".join(self.notes) or "no difference"
+        verdict = f" differ in {', '.join(found)}" if found else f": {alone}"
         return f"Comparison({self.kind}, {a} and {b}{verdict})"
 
     def _repr_html_(self) -> str:

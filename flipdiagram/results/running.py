@@ -5,7 +5,6 @@ from typing import Any
 
 from flipdiagram.errors import InputError
 from flipdiagram.files import check_output_directory
-from flipdiagram.folders import renewed
 from flipdiagram.results.opening import Result, open_result
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.studies.registry import STUDIES
@@ -39,7 +38,7 @@ def run_study(
         problem = f"the study '{name}' has no option '{option}'"
         raise InputError.of(option, options[option], tuple(defaults) or "none", problem)
     folder = check_output_directory(os.fspath(out))
-    with renewed(folder, study.file):
+    with study.replacing(folder):
         study.run(scenario or Scenario(), folder, progress=progress, **defaults | options)
     return open_result(folder / study.file)
 

@@ -2,13 +2,14 @@
 
 import argparse
 import json
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from flipdiagram.errors import InputError
 from flipdiagram.folders import renewed
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.scenario.work import Work, flip_work
@@ -142,10 +143,22 @@ class Study:
         self, scenario: Scenario, out: Path, arguments: Mapping[str, Any], progress: Progress
     ) -> tuple[Summary, list[str]]:
         """Run it and draw its figures, so that `out` holds this run's results and nobody's else: summary and notes."""
-        with renewed(out, self.file):
+        with self.replacing(out):
             self.run(scenario, out, progress=progress, **self.given(arguments, "run"))
             summary: Summary = json.loads((out / self.file).read_text(encoding="utf-8"))
             return summary, self.figures(summary, out, progress=progress, **self.given(arguments, "figures"))
+
+    @contextmanager
+    def replacing(self, out: Path) -> Iterator[None]:
+        """`folders.renewed` of its results; InputError where another study's stand there."""
+        schema = self.schema
+        with suppress(OSError, ValueError, AttributeError):  # no summary, or none of ours
+            schema = str(json.loads((out / self.file).read_text(encoding="utf-8")).get("schema"))
+        if schema.startswith("flipdiagram/") and schema.split("/")[1] != self.name:
+            problem = f"--out = '{out}' holds results of another study, {show(schema)}"
+            raise InputError.of("--out", out, "another folder", problem)
+        with renewed(out, self.file):
+            yield
 
     def given(self, arguments: Mapping[str, Any], to: str) -> dict[str, Any]:
         """Those of the arguments that one of its functions receives."""

@@ -758,7 +758,7 @@ def test_runs_of_only_one_summary_and_maps_over_other_axes_are_noted_not_compare
 def test_plans_are_compared_by_their_numbers(tmp_path):
     (tmp_path / "plan.json").write_text(a_plan(3.0).to_json())
     (cost,) = compare(a_plan(2.0), tmp_path / "plan.json").numbers
-    assert (cost.name, cost.unit, cost.a, cost.b, cost.difference) == ("cost_J", "J", 2.0, 3.0, "+1 (+50 %)")
+    assert (cost.name, cost.unit, cost.a, cost.b, cost.difference) == ("cost_J", "1", 2.0, 3.0, "+1 (+50 %)")
 
 
 def test_kinds_that_differ_are_refused(tmp_path):
