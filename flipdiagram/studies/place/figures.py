@@ -45,7 +45,7 @@ def plot_states(recordings: Mapping[str, Recording], friction: float) -> Figure:
     moving = time <= first.attrs["end_time_s"]
     phi = np.degrees(np.abs(commanded_angle(first)))
     top.plot(time[moving], phi[moving], label="commanded", **STYLES["command"].line())
-    for value, text in ((cone, "friction angle"), (90.0, "π/2")):
+    for value, text in ((cone, "friction angle"), (90.0, "90°: upright")):
         top.axhline(value, **GUIDE)
         top.annotate(text, (1.0, value), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=8)
     top.set(ylabel="sliding angle |φ| [deg]", ylim=(0, 105), yticks=range(0, 91, 30))
@@ -55,7 +55,7 @@ def plot_states(recordings: Mapping[str, Recording], friction: float) -> Figure:
         middle.plot(data["time"].values, slide, label=NAMES[name], **style_of(name).line())
     least = 1000 * float(first["slide_cmd"].values.min())
     middle.set(ylabel="slide σ on the blade [mm]", ylim=(1.6 * least, -0.15 * least))
-    middle.legend(fontsize="small", ncols=3)
+    middle.legend(fontsize="small", ncols=5, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
     _bands(bottom, recordings, friction)
     bottom.set_xlabel("time [s]")
     for ax in (top, middle):
@@ -85,18 +85,18 @@ def _bands(ax: Axes, recordings: Mapping[str, Recording], friction: float) -> No
 def plot_path(recordings: Mapping[str, Recording], target_y: float) -> Figure:
     """Paths of the tool's control point and of the object in the y–z plane, and the target."""
     with rc_context(RC):
-        figure = Figure(figsize=(6.4, 4.2), layout="constrained")
+        figure = Figure(figsize=(6.4, 4.9), layout="constrained")
         ax = figure.subplots()
     first = next(iter(recordings.values()))
     ax.plot(*first["x_cmd"].values[:, :2].T, label="tool, commanded", **STYLES["command"].line())
     for name, data in recordings.items():
         ax.plot(*data["x"].values[:, :2].T, label=f"tool, {NAMES[name]}", **style_of(name).line())
-        ax.plot(*data["block_pose"].values[:, 5:].T, color=STYLES[name].color, linestyle=":", linewidth=1.2)
+        ax.plot(*data["block_pose"].values[:, 5:].T, color=STYLES[name].color, linewidth=0.7)
     table_and_strikes(ax, recordings)
     ax.plot(target_y, first.attrs["table_height_m"], "^", color="black", linestyle="none", label="target")
-    ax.plot([], [], color="0.3", linestyle=":", label="object")
+    ax.plot([], [], color="0.3", linewidth=0.7, label="object, in its controller's colour")
     ax.set(xlabel=LABELS["x"][0], ylabel=LABELS["x"][1])
     ax.set_aspect("equal", adjustable="datalim")
     ax.grid(color="0.9", linewidth=0.6)
-    ax.legend(fontsize="small")
+    figure.legend(fontsize="small", ncols=3, loc="outside upper center", frameon=False)
     return figure
