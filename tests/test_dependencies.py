@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"]
 OF_DEVELOPERS = {"bench", "bench-peers", "docs", "lint", "notebook", "test"}
-OURS = {"flipdiagram", "bench"} | {path.stem for path in (ROOT / "tests").iterdir()}
+OURS = {"flipdiagram", "bench"} | {path.stem for folder in ("tests", "docs") for path in (ROOT / folder).iterdir()}
 PROVIDERS = packages_distributions()
 
 
