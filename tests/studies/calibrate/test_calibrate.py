@@ -166,7 +166,8 @@ def test_pictures_and_tables_say_it(summary, tmp_path):
     assert (tmp_path / "predictions.svg").stat().st_size > 5_000
     unknowns, predictions, claims, checks, _ = tables(summary)
     assert [row[0] for row in unknowns.rows][2] == "`object.mass [kg]`" and unknowns.rows[2][-1] == "a pair of scales"
-    assert [row[1] for row in predictions.rows][:6] == [f"{q.paper:g} {q.unit}" for q in QUANTITIES]
+    told = [(f"[{row[0].rpartition('[')[2]}", row[1]) for row in predictions.rows][:6]
+    assert told == [(f"[{q.unit}]", f"{q.paper:g}") for q in QUANTITIES]
     assert predictions.headings[2:5] == ["defaults", "slower", "median"] == claims.headings[1:4]
     assert claims.rows[0][3:] == ["yes", "100 %", "100 %"] and checks.rows[-1][0] == "10 synthetic worlds"
 
