@@ -9,7 +9,6 @@ from pydrake.autodiffutils import AutoDiffXd
 from flipdiagram.arrays import Floats
 from flipdiagram.compiled.linear import Linearization
 from flipdiagram.compiled.structure import Structure, check_states, common_timing, flatten
-from flipdiagram.errors import NotCompilable, first_line
 
 
 def linearize_diagram(diagram: Any, context: Any | None = None) -> Linearization:
@@ -28,7 +27,8 @@ def linearize_diagram(diagram: Any, context: Any | None = None) -> Linearization
     structure = flatten(diagram)
     check_states(structure)
     period, _ = common_timing(structure)
-    _check_conversion(structure)
+    for leaf in structure.leaves:
+        leaf.converted("AutoDiffXd")
     of_float = diagram.CreateDefaultContext() if context is None else context
     moving = diagram.ToAutoDiffXd()
     own = moving.CreateDefaultContext()
@@ -47,20 +47,6 @@ def linearize_diagram(diagram: Any, context: Any | None = None) -> Linearization
     n = sum(map(len, state))
     names = (_states(structure), _elements(structure.inputs), _elements(structure.outputs))
     return Linearization(after[:, :n], after[:, n:], seen[:, :n], seen[:, n:], period, *names)
-
-
-def _check_conversion(structure: Structure) -> None:
-    for leaf in structure.leaves:
-        try:
-            converted = leaf.system.ToAutoDiffXdMaybe()
-        except Exception as error:  # raised by the conversion of a block written in Python
-            message = f"block {leaf.label} does not convert to AutoDiffXd: {first_line(error)}"
-            raise NotCompilable(message) from error
-        if converted is None:
-            raise NotCompilable(
-                f"block {leaf.label} does not convert to AutoDiffXd; valid are blocks of Drake's that do, and"
-                " TemplateSystems of your own"
-            )
 
 
 def _value(port: Any, context: Any) -> Floats:

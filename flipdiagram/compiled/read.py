@@ -165,16 +165,7 @@ class _Reader:
 
 
 def _symbolic(leaf: Leaf) -> _SymbolicLeaf:
-    try:
-        system = leaf.system.ToSymbolicMaybe()
-    except Exception as error:  # raised by the conversion of a block written in Python
-        message = f"block {leaf.label} does not convert to symbolic: {first_line(error)}"
-        raise NotCompilable(message) from error
-    if system is None:
-        raise NotCompilable(
-            f"block {leaf.label} does not convert to symbolic; valid are blocks of Drake's that do, and"
-            " TemplateSystems of your own"
-        )
+    system = leaf.converted("symbolic")
     context = system.CreateDefaultContext()
     part = _SymbolicLeaf(leaf, system, context)
     # the order of creation is the order in which Drake sorts the terms of a sum: x before u, as in A x + B u

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydrake.systems.framework import Diagram, InputPortIndex, OutputPortIndex, PortDataType, System
 
-from flipdiagram.errors import InputError, NotCompilable
+from flipdiagram.errors import InputError, NotCompilable, first_line
 
 Source = tuple[int | None, int]
 """(leaf, output port), or (None, input port of the whole diagram)."""
@@ -24,6 +24,18 @@ class Leaf:
     def label(self) -> str:
         """The name with the type, for messages."""
         return f"'{self.name}' ({type(self.system).__name__})"
+
+    def converted(self, scalar: str) -> Any:
+        """The system over "symbolic" or "AutoDiffXd"; NotCompilable, which names it, where it has no such form."""
+        convert = self.system.ToSymbolicMaybe if scalar == "symbolic" else self.system.ToAutoDiffXdMaybe
+        problem = f"block {self.label} does not convert to {scalar}"
+        try:
+            system = convert()
+        except Exception as error:  # raised by the conversion of a block written in Python
+            raise NotCompilable(f"{problem}: {first_line(error)}") from error
+        if system is None:
+            raise NotCompilable(f"{problem}; valid are blocks of Drake's that do, and TemplateSystems of your own")
+        return system
 
 
 @dataclass(frozen=True)
