@@ -9,6 +9,7 @@ from flipdiagram.blocks.mpc import ModelPredictiveController
 from flipdiagram.blocks.receding_horizon import RecedingHorizonController, Timing
 from flipdiagram.diagrams.controller import ControllerBoxes
 from flipdiagram.diagrams.native_controller import NativeController
+from flipdiagram.diagrams.own_controller import OwnController
 from flipdiagram.diagrams.start import Start
 from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.replanner import Replanning
@@ -51,7 +52,7 @@ def close_horizon(
     scenario: Scenario,
     mpc: RecedingHorizonController,
     cell: Cell,
-    boxes: ControllerBoxes | NativeController,
+    boxes: ControllerBoxes | NativeController | OwnController,
     q: OutputPort,
 ) -> None:
     """What a replanning MPC measures: the tool, the joints and, where there is a camera, the object on the blade."""

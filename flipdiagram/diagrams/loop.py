@@ -17,8 +17,9 @@ from flipdiagram.diagrams.drive import Drive, add_drive, ripple_at_rest
 from flipdiagram.diagrams.equilibrium import Equilibrium, equilibrium, no_equilibrium
 from flipdiagram.diagrams.horizon import close_horizon, mpc_of
 from flipdiagram.diagrams.native_controller import NativeController, add_native_controller
+from flipdiagram.diagrams.own_controller import OwnController, add_own_controller
 from flipdiagram.diagrams.ports import export_ports
-from flipdiagram.diagrams.replacement import Box, build_diagram
+from flipdiagram.diagrams.replacement import WHOLE, Box, build_diagram
 from flipdiagram.diagrams.rest import Resting
 from flipdiagram.diagrams.sensing import Sensing, add_sensing
 from flipdiagram.diagrams.start import start_of
@@ -34,7 +35,7 @@ from flipdiagram.robot.native_arm import native_arm
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import Scenario
 
-Controller = ControllerBoxes | NativeController
+Controller = ControllerBoxes | NativeController | OwnController
 ENGINES: dict[str, Callable[[DiagramBuilder, Scenario, ArmModel, Floats, Rest | None], Cell]] = {
     "drake": add_cell,
     "mujoco": add_mujoco_cell,
@@ -184,7 +185,8 @@ def build_loop(
         architecture: one of `ARCHITECTURES`.
         planner: what the MPC calls at the start of a run, by default the scenario's own.
         record: add sinks that log the signals every controller period.
-        replace: boxes of the user's own by name, {"pd": MyController}, see `replacement.with_replaced`.
+        replace: boxes of the user's own by name, {"pd": MyBox}, see `replacement.with_replaced`, or {"controller":
+            MyController} in the place of all of them, see `own_controller.add_own_controller`.
         meshcat: where to show the cell.
         native: sensors and controller as one box that computes the same, to rounding, in a fraction of the time; its
             boxes are then none of the diagram's.  Not with boxes of the user's own.
@@ -229,9 +231,12 @@ def build_loop(
     else:
         seen = add_sensing(builder, scenario, arm, cell.q, cell.qd, resting.q, offset)
         signals = {**commands, "q": seen.q, "qd": seen.qd}
-        boxes = add_controller(
-            builder, scenario, architecture, arm, start.q, signals, offset, replace, resting.observed
-        )
+        if replace and WHOLE in replace:
+            boxes = add_own_controller(builder, replace, arm, signals)
+        else:
+            boxes = add_controller(
+                builder, scenario, architecture, arm, start.q, signals, offset, replace, resting.observed
+            )
     if isinstance(mpc, RecedingHorizonController):
         close_horizon(builder, scenario, mpc, cell, boxes, seen.q)
     tau = boxes.output("tau")

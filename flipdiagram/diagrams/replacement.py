@@ -1,4 +1,4 @@
-"""A box of the user's own in the place of one of Fig. 4: which place, and whether its ports fit."""
+"""A box of the user's own in the place of one of Fig. 4, or of all of them: which place, and whether its ports fit."""
 
 from collections.abc import Collection, Mapping
 from typing import Any
@@ -9,6 +9,8 @@ from flipdiagram.errors import InputError
 
 Box = Any
 """A Drake System, or a function without arguments that makes one: a System serves one diagram only."""
+WHOLE = "controller"
+"""The place of all boxes between MPC and robot at once."""
 
 
 def with_replaced(
@@ -25,19 +27,26 @@ def with_replaced(
         if name not in ours:
             problem = f"replace: '{architecture}' has no box '{name}' to replace"
             raise InputError.of("replace", name, list(ours), problem)
-        box = boxes[name] = _system(name, given)
-        sizes = _output_sizes(box)
-        for port, size in _output_sizes(ours[name]).items():
-            if port not in sizes:
-                raise misfit(
-                    name, f"no output port '{port}' but {', '.join(sizes) or 'none'}", f"{port} of size {size}"
-                )
-            if sizes[port] != size:
-                raise misfit(name, f"output port '{port}' of size {sizes[port]}", f"{size}")
-        for i in range(box.num_input_ports()):
-            if (port := box.get_input_port(i).get_name()) not in signals:
-                raise misfit(name, f"input port '{port}', which is no signal", signals)
+        boxes[name] = fitting(name, given, _output_sizes(ours[name]), signals)
     return boxes
+
+
+def fitting(name: str, given: Box, outputs: Mapping[str, int], signals: Collection[str]) -> Any:
+    """The box itself, made if need be, that has these output ports, by their sizes, and takes no other signals.
+
+    Raises InputError naming box and port that do not fit.
+    """
+    box = _system(name, given)
+    sizes = _output_sizes(box)
+    for port, size in outputs.items():
+        if port not in sizes:
+            raise misfit(name, f"no output port '{port}' but {', '.join(sizes) or 'none'}", f"{port} of size {size}")
+        if sizes[port] != size:
+            raise misfit(name, f"output port '{port}' of size {sizes[port]}", f"{size}")
+    for i in range(box.num_input_ports()):
+        if (port := box.get_input_port(i).get_name()) not in signals:
+            raise misfit(name, f"input port '{port}', which is no signal", signals)
+    return box
 
 
 def misfit(name: str, has: str, valid: str | Collection[str], argument: str = "replace: ") -> InputError:

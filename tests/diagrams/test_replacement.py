@@ -1,5 +1,7 @@
 """A box of the user's own in the place of one of Fig. 4."""
 
+import re
+
 import numpy as np
 import pytest
 from ideal import IDEAL
@@ -7,8 +9,10 @@ from pydrake.systems.framework import LeafSystem
 from shared import ideal_plan
 
 from flipdiagram.blocks.pd import ProportionalDerivative
+from flipdiagram.diagrams.controller import build_controller
 from flipdiagram.diagrams.loop import build_loop
 from flipdiagram.errors import InputError
+from flipdiagram.robot.parts import arm_of
 from flipdiagram.simulation.simulate import simulate, simulate_loop
 
 SHORT = IDEAL.with_overrides({"simulation.hold_time": 0.05, "simulation.settle_time": 0.0})
@@ -101,3 +105,45 @@ def test_a_box_that_does_not_fit_is_refused_by_port(architecture, replace, what,
     with pytest.raises(InputError) as refused:
         build_loop(SHORT, architecture, replace=replace)
     assert what in str(refused.value) and valid in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_all_of_fig_4_as_one_box_of_ones_own_changes_nothing(plan):
+    arm = arm_of(SHORT)
+    whole = run(plan, "pd+ff+dob", {"controller": lambda: build_controller(SHORT, "pd+ff+dob", arm)})
+    ours = simulate_loop(build_loop(SHORT, "pd+ff+dob", record=True), plan).recording
+    np.testing.assert_allclose(whole["tau"].values, ours["tau"].values, rtol=0, atol=1e-6)
+    assert whole.attrs["replaced"] == "controller"
+
+
+def test_the_drives_limit_what_a_controller_of_ones_own_asks_for(plan):
+    class Strong(LeafSystem):
+        def __init__(self):
+            super().__init__()
+            self.DeclareVectorOutputPort("tau", 6, lambda context, output: output.set_value(np.full(6, 1e4)))
+
+    scenario = SHORT.with_overrides({"simulation.start": "hold"})
+    strong = simulate(scenario, "pd", plan, replace={"controller": Strong}).recording
+    np.testing.assert_array_equal(strong["tau_cmd"].values, 1e4)
+    np.testing.assert_array_equal(strong["tau"].values[-1], strong["tau"].attrs["limit"])
+
+
+def test_a_controller_of_ones_own_may_stand_behind_an_mpc_that_replans(plan):
+    scenario = SHORT.with_overrides({"planner.replan_period": 0.05})
+    arm = arm_of(scenario)
+    loop = build_loop(scenario, replace={"controller": build_controller(scenario, "pd+ff+dob", arm)})
+    assert loop.boxes.output("x") is not None and loop.boxes.output("tau_dis") is None
+
+
+@pytest.mark.parametrize(
+    ("replace", "text"),
+    [
+        ({"controller": Box({}, {"tau": 6}), "pd": Box({}, {"a_ref": 6})}, "'controller' stands for all boxes"),
+        ({"controller": Box({}, {"torque": 6})}, "no output port 'tau' but torque; valid is tau of size 6"),
+        ({"controller": Box({}, {"tau": 5})}, "output port 'tau' of size 5; valid is 6"),
+        ({"controller": Box({"a_ref": 6}, {"tau": 6})}, "input port 'a_ref', which is no signal; choose from x_cmd"),
+        ({"controller": Box({"q": 7}, {"tau": 6})}, "input port 'q' has size 7; valid is 6"),
+    ],
+)
+def test_a_controller_that_does_not_fit_is_refused_in_one_line(replace, text):
+    with pytest.raises(InputError, match=re.escape(text)):
+        build_loop(SHORT, replace=replace)
