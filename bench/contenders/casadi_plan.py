@@ -97,7 +97,8 @@ def prepare(
         low_x[theta] = (point.states[:, 2] - region) / units[theta]
         high_x[theta] = (point.states[:, 2] + region) / units[theta]
         low_x[:6] = high_x[:6] = guess[:6] / units[:6]
-        low_x[-3:] = high_x[-3:] = 0.0
+        if settings.stop == "brake":  # the tool is at rest in the end; else its command stops at the release
+            low_x[-3:] = high_x[-3:] = 0.0
         elapsed, found = timed(
             lambda: solver(x0=guess / units, lbx=low_x, ubx=high_x, lbg=np.zeros(g.numel()), ubg=high)
         )
