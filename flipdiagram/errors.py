@@ -66,6 +66,15 @@ class NoEquilibriumError(SimulationError):
     """The controller cannot hold the arm at the start, so a run cannot begin at equilibrium."""
 
 
+class EntryError(FlipdiagramError):
+    """An entry of the challenge did what it must not: raised, returned no torque, wrote to stdout.
+
+    The message, one line, names the file and, where there is one, the line.
+    """
+
+    exit_code = 3
+
+
 def first_line(error: BaseException) -> str:
     """The first line of an exception's message, or its name where there is none."""
     return next(iter(str(error).strip().splitlines()), type(error).__name__)

@@ -64,6 +64,13 @@ def from_text(text: str, name: str = "campaign.yaml") -> Specification:
 
 def specification(source: Source, folder: Path, changes: Mapping[str, Any] | None = None) -> Specification:
     """Check everything of a campaign that can be known before it runs; raises InputError with the line."""
+    checked = drawn_from(source, folder, changes)
+    _check_scenarios(source, checked)
+    return checked
+
+
+def drawn_from(source: Source, folder: Path, changes: Mapping[str, Any] | None = None) -> Specification:
+    """The campaign of a file, of which no scenario has been tried yet; raises InputError with the line."""
     file = source.validated(SpecificationFile, source.data)
     base = _base(source, file, folder).with_overrides(changes or {})
     dimensions = _dimensions(source, file, base)
@@ -75,7 +82,7 @@ def specification(source: Source, folder: Path, changes: Mapping[str, Any] | Non
         fields = ", ".join(unknown) or "none is varied here"
         valid = f"{SpecificationFile.model_fields['known'].description}: {fields}"
         raise source.bad(["known"], list(file.known), valid)
-    checked = Specification(
+    return Specification(
         base=base,
         dimensions=dimensions,
         trials=_trials(source, file, dimensions),
@@ -83,8 +90,6 @@ def specification(source: Source, folder: Path, changes: Mapping[str, Any] | Non
         name=source.name,
         **file.model_dump(exclude={"base", "vary", "trials", "tune", "calibrate"}),
     )
-    _check_scenarios(source, checked)
-    return checked
 
 
 def estimated_hours(specification: Specification, jobs: int) -> float:

@@ -12,7 +12,14 @@ from typing import Any
 import numpy as np
 
 from flipdiagram.diagrams.controller import nominal_inertia
-from flipdiagram.errors import FlipdiagramError, InputError, NoEquilibriumError, PlanningError, SimulationError
+from flipdiagram.errors import (
+    EntryError,
+    FlipdiagramError,
+    InputError,
+    NoEquilibriumError,
+    PlanningError,
+    SimulationError,
+)
 from flipdiagram.files import versions
 from flipdiagram.flips.flip import SOURCES, Flip, code_version
 from flipdiagram.flips.outcome import Outcome
@@ -24,8 +31,15 @@ from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation import metrics
 from flipdiagram.simulation.recording_files import save_recording
 from flipdiagram.simulation.replans import replans
-from flipdiagram.simulation.simulate import simulate
+from flipdiagram.simulation.simulate import Run, simulate
 
+KINDS: dict[type[FlipdiagramError], str] = {
+    SimulationError: "diverged",
+    PlanningError: "no plan",
+    NoEquilibriumError: "no start",
+    EntryError: "crashed",
+}
+"""Outcome by what a simulation raised."""
 Planned = tuple[str | None, str | None]
 """(plan as JSON, None) or (None, why there is none)."""
 
@@ -103,26 +117,39 @@ def plan_drawn_flight(believed: Scenario) -> Planned:
 
 def fly_flight(flight: Flight, plan: str) -> Landed:
     """Fly a trial and write its recording if it names one; what goes wrong with the physics is its outcome."""
-    scenario = flight.truth
-    if scenario.controller.nominal_inertia is None and flight.believed.arm != scenario.arm:
-        # the controller's M_n is of the arm as it is believed to be
-        scenario = scenario.with_overrides({"controller.nominal_inertia": _inertia(flight.believed)})
-    begin = time.perf_counter()
+    scenario, begin = with_inertia_of(flight.truth, flight.believed), time.perf_counter()
     outcome = fly(scenario, flight.architecture, _plan(plan), flight.recording, flight.believed)
     return Landed(outcome, time.perf_counter() - begin, *provenance())
 
 
+def with_inertia_of(truth: Scenario, believed: Scenario) -> Scenario:
+    """The true scenario with the controller's M_n of the arm as it is believed to be."""
+    if truth.controller.nominal_inertia is not None or believed.arm == truth.arm:
+        return truth
+    return truth.with_overrides({"controller.nominal_inertia": _inertia(believed)})
+
+
 def fly(
-    scenario: Scenario, architecture: str, plan: Plan, recording: Path | None = None, believed: Scenario | None = None
+    scenario: Scenario,
+    architecture: str,
+    plan: Plan,
+    recording: Path | None = None,
+    believed: Scenario | None = None,
+    simulated: Callable[[], Run] | None = None,
 ) -> Outcome:
-    """Run one flip here; writes its signals where a file for them is named.  believed: by what an MPC plans again."""
+    """Run one flip here; writes its signals where a file for them is named.
+
+    believed: by what an MPC plans again.  simulated: what simulates it, by default `simulate`.
+    """
     _quieten_drake()
     planned_by = believed or scenario
     try:
-        run = simulate(scenario, architecture, plan, replanner=lambda: Replanner(planned_by, arm_of(planned_by)))
+        if simulated is not None:
+            run = simulated()
+        else:
+            run = simulate(scenario, architecture, plan, replanner=lambda: Replanner(planned_by, arm_of(planned_by)))
     except FlipdiagramError as error:
-        kinds = {SimulationError: "diverged", PlanningError: "no plan", NoEquilibriumError: "no start"}
-        kind = kinds.get(type(error), "refused")
+        kind = KINDS.get(type(error), "refused")
         return Outcome(None, f"{kind}: {error}", plan.summary())
     measured = metrics.measure(run.recording)
     if recording is not None:

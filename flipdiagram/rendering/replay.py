@@ -103,7 +103,7 @@ def _describe(name: str, recording: xr.Dataset, offset: float, verdict: tuple[bo
         verdict, decided = (success, failure or "turned over"), decided_at(recording)
     return {
         "path": name,
-        "name": NAMES[name],
+        "name": recording.attrs.get("entry", NAMES[name]),
         "color": style_of(name).color,
         "course": course(recording),
         "verdict": verdict[1],

@@ -97,6 +97,13 @@ def inverse(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
     return {"stages": _table(rows, ["architecture"]).assign_attrs(_head(summary), found=summary["found"])}
 
 
+def challenge(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
+    """'scores' of one entry, or of all of a leaderboard, by (entry, kind, suite, engine): counts, rate, medians."""
+    scores = [(entry["entry"]["name"], row) for entry in summary.get("entries", [summary]) for row in entry["scores"]]
+    rows = [{"entry": name, **{key: value for key, value in row.items() if key != "modes"}} for name, row in scores]
+    return {"scores": _table(rows, ["entry", "kind", "suite", "engine"]).assign_attrs(_head(summary))}
+
+
 def campaign(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
     """Rates, intervals and counts of how flips ended by architecture; 'pairs' of architectures; 'quantiles' of errors.
 
