@@ -6,6 +6,7 @@ from pathlib import Path
 
 from flipdiagram.files import write_summary
 from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.studies.challenge.score import problems, scores
 from flipdiagram.studies.experiment.claims import MEASURED
 
 REPORT = Path(__file__).parent.parent / "docs" / "report" / "summary.json"
@@ -141,6 +142,32 @@ def inverse():
     return found | {"stages": rows, "worlds_found": [], "region": [], "smallest": None, "nearest": [world]}
 
 
+def challenge():
+    """As an entry that fails in one of two worlds."""
+    flips = [
+        {"kind": "public", "suite": "nominal", "index": k, "hash": f"{k:016x}", "engine": "drake"}
+        | {"outcome": mode, "failure": failure, "landing_cost_J": 0.7, "compute_p99_s": 1e-3, "noise_gain_Nms": 2.0}
+        for k, (mode, failure) in enumerate([("turned over", None), ("crashed", "crashed: 'mine.py', line 2: …")])
+    ]
+    entry = {"name": "mine", "author": "", "reference": "", "file": "mine.py", "digest": "0" * 64}
+    return {
+        "entry": entry | {"kinds": ["control"], "settings": {}},
+        "suite": {"version": "v1", "digest": "1" * 64},
+        "held_out": None,
+        "code": "",
+        "of": {"flipdiagram": "0.1.0", "drake": "1.51.1"},
+        "scores": scores(flips),
+        "problems": problems(flips),
+        "flips": flips,
+        "against": [],
+    }
+
+
+def leaderboard():
+    entry = challenge()
+    return {"folder": "entries", "entries": [{k: entry[k] for k in ("entry", "suite", "held_out", "of", "scores")}]}
+
+
 NO_WORLDS: dict = {"count": 0, "vary": [], "entries": []}
 
 BODIES = {
@@ -153,6 +180,8 @@ BODIES = {
     "engines": engines,
     "calibrate": calibrate,
     "inverse": inverse,
+    "challenge": challenge,
+    "leaderboard": leaderboard,
     "campaign": campaign,
     "tuning": tuning,
     "report": lambda: {key: value for key, value in report().items() if key not in ("schema", "versions", "scenario")},

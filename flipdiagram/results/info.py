@@ -218,6 +218,17 @@ def _stages(stages: Sequence[Mapping[str, Any]]) -> Rows:
     ]
 
 
+def _scores(scores: Sequence[Mapping[str, Any]]) -> Rows:
+    return [
+        (f"{row['suite']}, {row['kind']}, {row['engine']}", f"{row['turned_over']} of {row['flips']} blocks over")
+        for row in scores
+    ]
+
+
+def _entries(entries: Sequence[Mapping[str, Any]]) -> Rows:
+    return [("entries", ", ".join(entry["entry"]["name"] for entry in entries))]
+
+
 def _curves(curves: Sequence[Mapping[str, Any]]) -> Rows:
     names = ", ".join(dict.fromkeys(str(curve["figure"]) for curve in curves))
     omega = np.array(curves[0]["omega_rad_s"])
@@ -239,6 +250,8 @@ ROWS: Mapping[str, Any] = {
     "curves": _curves,
     "predictions": _predictions,
     "stages": _stages,
+    "scores": _scores,
+    "entries": _entries,
 }
 """Rows of an entry of summary.json."""
 

@@ -25,13 +25,14 @@ from flipdiagram.studies.study import Later
 HEAVY = ("pydrake", "matplotlib", "rich", "xarray", "pandas", "numba", "scipy")
 RECORDED = sorted(STUDIES.keys() - {"plan"})
 WORDS = {"place": "object", "report": None, "frequency": None, "borders": None}
-WORDS |= dict.fromkeys(("engines", "calibrate", "inverse"))
+WORDS |= dict.fromkeys(("engines", "calibrate", "inverse", "challenge", "leaderboard"))
 """What is judged, run by run; None where claims or maps are counted instead."""
 
 
 def test_the_registry_is_the_list_of_the_issue():
     names = ["plan", "turnover", "frequency", "experiment", "borders", "replanning"]
     names += ["engines", "calibrate", "inverse", "place", "campaign", "tuning"]
+    names += ["challenge", "leaderboard"]
     assert list(STUDIES) == [*names, "report"]
     assert list(STUDY_COMMANDS) == list(COMMANDS[: len(STUDY_COMMANDS)])
     other = {name for study in STUDIES.values() for name in study.otherwise.values()}
@@ -152,6 +153,8 @@ def test_a_damaged_summary_is_refused_in_one_line(name, tmp_path):
         "borders": "maps",
         "calibrate": "predictions",
         "inverse": "stages",
+        "challenge": "scores",
+        "leaderboard": "entries",
     }.get(name)
     key = key or ("curves" if name == "frequency" else "runs")
     for broken in ({k: v for k, v in whole.items() if k != key}, whole | {key: [1]}):

@@ -62,12 +62,13 @@ def work_of(path: Path) -> Work:
     return Work(partial(plan_entry, path=path), fly_entry)
 
 
-def fly_entry(flight: EntryFlight, plan: str) -> Landed:
+def fly_entry(flight: Flight, plan: str) -> Landed:
     """Fly one world; what an entry does wrong is the outcome, `crashed`, with file and line.
 
     Beside the plan's summary stand its own numbers: `compute_s`, P50 and P99 of its time per period, and `still_Nm`,
     the RMS torque about its mean while the arm stands.
     """
+    assert isinstance(flight, EntryFlight)
     begin, entry, own = time.perf_counter(), load_entry(flight.path), dict[str, Any]()
     scenario, followed = with_inertia_of(flight.truth, flight.believed), Plan.from_json(plan, "stored plan")
 

@@ -2,25 +2,23 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 from markdown_it import MarkdownIt
-from matplotlib.figure import Figure
 
 from flipdiagram.errors import InputError
-from flipdiagram.figures.style import GUIDE, new_axes, save, tidy
+from flipdiagram.figures.style import save
 from flipdiagram.files import write_atomically, write_summary
 from flipdiagram.grid import Grid, number
 from flipdiagram.scenario.scenario import Scenario
-from flipdiagram.studies.challenge.figures import COLORS
+from flipdiagram.studies.challenge.figures import plot_leaderboard
 from flipdiagram.studies.challenge.replays import write_replays
-from flipdiagram.studies.challenge.score import load_results
-from flipdiagram.studies.challenge.suites import HELD_OUT, PUBLIC
+from flipdiagram.studies.challenge.score import MEDIANS, Result, found, load_results
+from flipdiagram.studies.challenge.suites import PUBLIC
 from flipdiagram.studies.study import Progress, Summary, silent
 
 FILE = "leaderboard.json"
-Result = Mapping[str, Any]
+FACTORS = (1.0, 100.0, 1.0, 100.0, 1e6, 1e6, 1.0)
+"""From the numbers of `score.MEDIANS` to those of the table."""
 MARK = " ≠"
 """Behind a rank that is another one under the other referee."""
 TEXT = """# Leaderboard of the challenge
@@ -127,21 +125,12 @@ def rank(entries: Sequence[Result], suite: str, kind: str, engine: str) -> dict[
     return {name: 1 + sum(other > rate for other in rates.values()) for name, rate in rates.items()}
 
 
-def found(entry: Result, kind: str, suite: str, engine: str) -> Mapping[str, Any] | None:
-    """An entry's score in a suite; None where it has not flown it."""
-    wanted = (kind, suite, engine)
-    rows: list[Mapping[str, Any]] = entry["scores"]
-    return next((row for row in rows if (row["kind"], row["suite"], row["engine"]) == wanted), None)
-
-
 def number_grid(entries: Sequence[Result]) -> Grid:
     """Medians in the public uncertain worlds under Drake, the numbers that no rank counts."""
     rows = []
     for entry in entries:
         row = found(entry, PUBLIC, "uncertain", "drake") or entry["scores"][0]
-        values = [(row["landing_cost_J"], 1), (row["position_rmse_m"], 100), (row["acceleration_rmse_m_s2"], 1)]
-        values += [(row["torque_use"], 100), (row["compute_p50_s"], 1e6), (row["compute_p99_s"], 1e6)]
-        values += [(row["noise_gain_Nms"], 1)]
+        values = [(row[name], factor) for name, factor in zip(MEDIANS, FACTORS, strict=True)]
         cells = ["–" if value is None else number(float(f"{factor * value:.3g}")) for value, factor in values]
         rows.append([entry["entry"]["name"], *cells])
     headings = ["landing J", "position RMSE [cm]", "acceleration RMSE [m/s²]", "torque [% of peak]", "P50 [µs]"]
@@ -158,39 +147,6 @@ def entry_grid(entries: Sequence[Result], replays: Mapping[str, str]) -> Grid:
         name = f"[{entry['name']}]({replay})" if replay else entry["name"]
         rows.append([name, entry["author"], ", ".join(entry["kinds"]), entry["reference"], entry["digest"][:12]])
     return Grid(["entry", "author", "enters with", "reference", "digest"], rows)
-
-
-def plot_leaderboard(entries: Sequence[Result]) -> Figure:
-    """A panel for each suite, a row for each entry: the share turned over, public filled and held-out open."""
-    suites = list(dict.fromkeys(row["suite"] for row in entries[0]["scores"]))
-    names = [entry["entry"]["name"] for entry in entries]
-    axes = new_axes(len(suites), (9.6, 0.28 * len(names) + 1.3), columns=len(suites))
-    for ax, suite in zip(axes, suites, strict=True):
-        for y, entry in enumerate(entries):
-            for shift, engine in ((-0.14, "drake"), (0.14, "mujoco")):
-                for kind in (PUBLIC, HELD_OUT):
-                    row = found(entry, kind, suite, engine)
-                    if row is None:
-                        continue
-                    rate, low, high = (100 * row[key] for key in ("rate", "low", "high"))
-                    color, first = COLORS[engine], y == 0
-                    if kind == PUBLIC:
-                        ax.plot([low, high], [y + shift] * 2, color=color, linewidth=0.9, alpha=0.7)
-                    face, label = (color if kind == PUBLIC else "white"), f"{kind}, {engine}" if first else None
-                    ax.plot(rate, y + shift, "o", color=color, markerfacecolor=face, markersize=4, label=label)
-        ax.set_title(suite, fontsize=9)
-        ax.set_xlim(-3, 103)
-        ax.set_xlabel("turned over [%]")
-        ax.set_yticks(range(len(names)), names if ax is axes[0] else [""] * len(names), fontsize=7.5)
-        ax.set_ylim(len(names) - 0.5, -0.5)
-        ax.set_xticks(np.arange(0, 101, 25))
-        for x in (25, 50, 75):
-            ax.axvline(x, **GUIDE)
-        tidy(ax)
-    axes[-1].legend(fontsize=6.5, framealpha=0.9)
-    figure = axes[0].figure
-    assert isinstance(figure, Figure)
-    return figure
 
 
 PAGE = """<!doctype html>

@@ -166,7 +166,7 @@ def _short(value: Any) -> Any:
     return float(np.format_float_positional(value, 5, fractional=False)) if isinstance(value, float) else value
 
 
-def _body(entry: Entry, drawn: Suites, rows: list[Mapping[str, Any]], secret: str | None) -> dict[str, Any]:
+def _body(entry: Entry, drawn: Suites, rows: Sequence[Mapping[str, Any]], secret: str | None) -> dict[str, Any]:
     code, versions, _ = provenance()
     return {
         "entry": {

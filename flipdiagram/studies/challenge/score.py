@@ -13,6 +13,8 @@ from flipdiagram.errors import InputError
 from flipdiagram.flips.outcome import NOT_PHYSICS, SUCCESS
 
 Row = Mapping[str, Any]
+Result = Mapping[str, Any]
+"""The summary of an entry."""
 MEDIANS = (
     "landing_cost_J",
     "position_rmse_m",
@@ -38,12 +40,19 @@ def scores(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 def _score(kind: str, suite: str, engine: str, rows: Sequence[Row]) -> dict[str, Any]:
     won = sum(row["outcome"] == SUCCESS for row in rows)
-    entry = {"kind": kind, "suite": suite, "engine": engine, "flips": len(rows), "turned_over": won}
+    entry: dict[str, Any] = {"kind": kind, "suite": suite, "engine": engine, "flips": len(rows), "turned_over": won}
     entry |= success_rate(won, len(rows))
     for name in MEDIANS:
         values = [row[name] for row in rows if row.get(name) is not None and np.isfinite(row[name])]
         entry[name] = float(np.median(values)) if values else None
     return entry | {"modes": dict(Counter(row["outcome"] for row in rows).most_common())}
+
+
+def found(entry: Result, kind: str, suite: str, engine: str) -> Mapping[str, Any] | None:
+    """An entry's score in a suite; None where it has not flown it."""
+    wanted = (kind, suite, engine)
+    rows: list[Mapping[str, Any]] = entry["scores"]
+    return next((row for row in rows if (row["kind"], row["suite"], row["engine"]) == wanted), None)
 
 
 def problems(rows: Sequence[Row]) -> list[str]:
@@ -72,11 +81,12 @@ def paired_with(rows: Iterable[Row], other: Mapping[str, Any]) -> dict[str, Any]
     for row in rows:
         if (key := (row["hash"], row["engine"])) in theirs:
             groups[row["kind"], row["suite"]].append((row["outcome"] == SUCCESS, theirs[key]))
+    compared = [paired(*zip(*pairs, strict=True)) for pairs in groups.values()]
+    adjusted = holm([entry["p"] for entry in compared])
     entries = [
-        {"kind": kind, "suite": suite, **paired(*zip(*pairs, strict=True))} for (kind, suite), pairs in groups.items()
+        {"kind": kind, "suite": suite, **entry, "p_holm": p}
+        for (kind, suite), entry, p in zip(groups, compared, adjusted, strict=True)
     ]
-    for entry, p in zip(entries, holm([entry["p"] for entry in entries]), strict=True):
-        entry["p_holm"] = p
     return {"name": other["entry"]["name"], "suites": entries}
 
 
