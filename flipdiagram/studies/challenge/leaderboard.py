@@ -1,6 +1,7 @@
 """The leaderboard: stored results of many entries as Markdown, as a page of HTML, and as a picture."""
 
 from collections.abc import Mapping, Sequence
+from html import escape
 from pathlib import Path
 
 from markdown_it import MarkdownIt
@@ -60,7 +61,7 @@ def write_figures(
     replays = {} if no_replay else write_replays(Path(summary["folder"]), entries, out, jobs, progress)
     text = markdown(entries, replays)
     write_atomically(out / "leaderboard.md", text)
-    body = MarkdownIt("commonmark").enable("table").render(text)
+    body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
     write_atomically(out / "leaderboard.html", PAGE.format(body=body))
     missing = [entry["entry"]["name"] for entry in entries if entry["entry"]["name"] not in replays]
     return [f"no replay, as the file is not there or has changed: {', '.join(missing)}"] if missing and replays else []
@@ -74,6 +75,7 @@ def tables(summary: Summary) -> list[Grid]:
 
 def markdown(entries: Sequence[Result], replays: Mapping[str, str]) -> str:
     """The page: a table for each suite, one of the other numbers, and who entered."""
+    entries = [_escaped(entry) for entry in entries]  # texts of strangers
     first = entries[0]
     secrets = sorted({entry["held_out"] for entry in entries if entry["held_out"]}) or ["none was flown"]
     parts = [
@@ -91,6 +93,11 @@ def markdown(entries: Sequence[Result], replays: Mapping[str, str]) -> str:
     parts.append(f"## Other numbers\n\n{number_grid(entries).markdown()}\n")
     parts.append(f"## Entries\n\n{entry_grid(entries, replays).markdown()}")
     return "".join(parts)
+
+
+def _escaped(result: Result) -> Result:
+    texts = {name: escape(value, quote=False) for name, value in result["entry"].items() if isinstance(value, str)}
+    return {**result, "entry": result["entry"] | texts}
 
 
 def suite_grid(entries: Sequence[Result], suite: str) -> Grid:
