@@ -7,6 +7,11 @@ payload, the block) shows as an error of M^-1 d / K_P.
 
 The speeds that the sensors show are 16 ms late (their filter); here they come from the encoders instead, through a
 derivative G s / (s + G) of our own, and so without the noise of the speeds.
+
+Not searched: K_P and K_V put both poles of the error at 30 rad/s, G eight times as far.  Of two margins of friction,
+0.5 (the block slid in a public world with mu = 0.52) and 0.7, the second was kept; with it the block was turned over in
+18 of 18 public worlds tried in MuJoCo, eight of `uncertain` and ten of `disturbed`.  The tool is to turn 0.15 rad too
+far before it releases, as friction holds it back: with 0.05 the block left too early in ten of fourteen.
 """
 
 import numpy as np
@@ -17,7 +22,7 @@ REFERENCE = (
     "J. Luh, M. Walker, R. Paul, Resolved-acceleration control of mechanical manipulators, IEEE Transactions on"
     " Automatic Control 25(3), 1980"
 )
-SETTINGS = {"planner.friction_margin": 0.5, "planner.release_angle": 0.15}
+SETTINGS = {"planner.friction_margin": 0.7, "planner.release_angle": 0.15}
 K_P, K_V = 900.0, 60.0
 G = 250.0
 
