@@ -11,7 +11,7 @@ per sqrt(s).  K and the filter's gain come from two Riccati equations, solved be
 
 Not searched: the weights are those of the first flip.  With them the block was turned over in 18 of 18 public worlds
 tried in MuJoCo, eight of `uncertain` and ten of `disturbed`.  They are stiff: a push or a payload shows as acceleration
-of the tool (20 m/s^2 RMS, the observer of computed_torque_dob.py 4 to 10), and the stop asks for all torque there is.
+of the tool (6 to 25 m/s^2 RMS, with computed_torque_dob.py 4 to 10), and the stop asks for all torque there is.
 """
 
 from collections import deque
