@@ -1,6 +1,7 @@
 """What enters the challenge: what a file may hold, and what is said of one that does not fit."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from flipdiagram.studies.challenge.entry import load_entry, watched
 from flipdiagram.studies.challenge.flying import EntryFlight, fly_entry, plan_entry
 from flipdiagram.studies.challenge.suites import load_suites
 
+PAGE = Path(__file__).parents[3] / "docs" / "how-to" / "challenge.md"
 WORLD = load_suites().worlds(["nominal"])[2]
 FUNCTION = "def control(t, x_cmd, v_cmd, a_cmd, q, qd, memory):\n    "
 SYSTEM = """
@@ -146,6 +148,14 @@ def test_a_planner_of_ones_own_is_asked_and_what_it_says_is_told(entered):
     slower = own.format('flipdiagram.plan_motion(scenario.with_overrides({"planner.friction_margin": 0.6}))')
     planned, _ = plan_entry(WORLD.believed("drake", {}), entered(slower).path)
     assert np.tan(Plan.from_json(planned, "plan").max_sliding_angle) < 0.45 * 1.86
+
+
+SNIPPETS = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.DOTALL | re.M)
+
+
+@pytest.mark.parametrize("snippet", SNIPPETS, ids=["function", "system"])
+def test_what_the_page_prints_enters_and_turns_the_block_over(entered, plan, snippet):
+    assert flown(entered(snippet), plan).mode == SUCCESS
 
 
 def test_a_memory_sees_each_instant_once(entered, plan, tmp_path):
