@@ -27,7 +27,7 @@ from flipdiagram.studies.study import Progress, silent
 
 FILE = "challenge.sqlite"
 ENGINES = ("drake", "mujoco")
-LIMITS = Limits(60.0, MEMORY)
+LIMITS = Limits(300.0, MEMORY)
 """What a flip, the planning of one, or the loading of the file may take."""
 LEAST_NOISE = 2e-3
 """Noise of the velocities [rad/s] from which the torque of a standing arm is their doing."""
