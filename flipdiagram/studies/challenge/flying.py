@@ -65,8 +65,8 @@ def work_of(path: Path) -> Work:
 def fly_entry(flight: Flight, plan: str) -> Landed:
     """Fly one world; what an entry does wrong is the outcome, `crashed`, with file and line.
 
-    Beside the plan's summary stand its own numbers: `compute_s`, P50 and P99 of its processor time per period, and `still_Nm`,
-    the RMS torque about its mean while the arm stands.
+    Beside the plan's summary stand its own numbers: `compute_s`, P50 and P99 of its processor time per period, and
+    `still_Nm`, the RMS torque about its mean while the arm stands.
     """
     assert isinstance(flight, EntryFlight)
     begin, entry, own = time.perf_counter(), load_entry(flight.path), dict[str, Any]()
