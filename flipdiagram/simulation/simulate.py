@@ -1,4 +1,4 @@
-"""The only user of Simulator: runs a loop and returns its recording."""
+"""Runs a loop with Drake's Simulator and returns its recording."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -116,31 +116,32 @@ def simulate_loop(
     mine = loop.mpc.GetMyContextFromRoot(context)
     plan = loop.mpc.plan(mine)
     assert plan is not None, "the MPC's initialisation sets a plan"
-    end = _end(scenario, plan)
+    end = end_of(scenario, plan)
     begin = time.perf_counter()
     length = CHUNK if pace is None else FRAME
     until, chunk = 0.0, 0
     while until < end:
         chunk += 1
         until = min(chunk * length, end)
-        _advance(simulator, until)
+        advance(simulator, until)
         if progress is not None:
             progress(until / end)
         if pace is not None:
             pace(until)
-        later = _end(scenario, loop.mpc.followed(mine) or plan)
+        later = end_of(scenario, loop.mpc.followed(mine) or plan)
         end = later if later > end + ROUNDING else end  # a plan made again may take longer
     elapsed = time.perf_counter() - begin
-    return Run(_read(loop, context, loop.mpc.followed(mine) or plan), plan, end / elapsed)
+    return Run(recording_of(loop, context, loop.mpc.followed(mine) or plan), plan, end / elapsed)
 
 
-def _end(scenario: Scenario, followed: Plan | Command) -> float:
+def end_of(scenario: Scenario, followed: Plan | Command) -> float:
     """When the simulation of a motion ends [s], counted from its own start."""
     settings = scenario.simulation
     return settings.lead_time + max(followed.end_time, followed.touchdown_time) + settings.settle_time
 
 
-def _advance(simulator: Simulator, until: float) -> None:
+def advance(simulator: Simulator, until: float) -> None:
+    """Simulate until a time [s]; raises SimulationError where that diverges."""
     try:
         simulator.AdvanceTo(until)
     except RuntimeError as error:
@@ -151,7 +152,8 @@ def _advance(simulator: Simulator, until: float) -> None:
         raise SimulationError(f"the simulation diverged before {until:.3f} s: the state is not finite")
 
 
-def _read(loop: Loop, context: Context, plan: Plan | Command) -> Recording:
+def recording_of(loop: Loop, context: Context, plan: Plan | Command) -> Recording:
+    """What the sinks of a loop have logged in a Context of its diagram; plan: the motion that was followed."""
     logs = {name: sink.FindLog(context) for name, sink in loop.logs.items()}
     signals = {name: log.data() for name, log in logs.items()}
     signals["block_pose"] = signals.pop("block")[:7]
