@@ -1,4 +1,4 @@
-"""The how-to pages about Drake run as printed: the snippets of a page one after another, each prints something."""
+"""The how-to pages about Drake and Gymnasium run as printed: the snippets of a page one after another, each prints."""
 
 import re
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 FOLDER = Path(__file__).parents[1] / "docs" / "how-to"
-PAGES = ("embed.md", "linearise.md")
+PAGES = ("embed.md", "gymnasium.md", "linearise.md")
 
 
 @pytest.mark.parametrize("page", PAGES)
