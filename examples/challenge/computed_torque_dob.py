@@ -12,8 +12,8 @@ The late and noisy speeds of the sensors are not used at all, and an angle that 
 compared with the estimate of that time.
 
 Not searched: K_P and K_V put both poles of the error at 30 rad/s, OMEGA is not quite three times as far.  Of two
-margins of friction, 0.5 (the block slid in a public world with mu = 0.52) and 0.7, the second was kept; with it the
-block was turned over in 18 of 18 public worlds tried in MuJoCo, eight of `uncertain` and ten of `disturbed`.
+margins of friction, 0.5 (the block slid in a world with mu = 0.52) and 0.7, the second was kept; with it the block was
+turned over in all of 18 worlds of a milder draft of the public suites, in MuJoCo.
 """
 
 from collections import deque
