@@ -1,8 +1,8 @@
 """Not a controller but a warning: it knows the public worlds by their starts, and looks up what works there.
 
-Every start of the public suites is another number, and an entry is told it.  `memorise.py` reads from the stored results
-of other entries which of them turned the block over in which public world, and writes the table beside this file.  In a
-public world this entry flies as the best of them did; in a world that it does not know, as `computed_torque` does.
+Every start of the public suites is another number, and an entry is told it.  `memorise.py` reads from the stored
+results of other entries which of them turned the block over in which public world, and writes the table beside this
+file.  In a public world this entry flies as the best of them did; in one that it does not know, as `computed_torque`.
 """
 
 import importlib.util

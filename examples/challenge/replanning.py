@@ -6,11 +6,12 @@ x^ is where the tool will be when the new plan takes effect, one millisecond lat
 follow the command as before; a push or a start that is off becomes part of the plan, and so respects the friction cone,
 where a PD would simply pull the tool back.
 
-Against it stands the sensors' filter: the speed that x^ begins with is 16 ms late, so each plan begins from a tool that
-moved a little differently.  That is why the gains are not the paper's but those of pd_ff_dob_tuned.py, with gravity
-compensated by 0.9, and the margin of the friction cone is large.  With the paper's gains and a margin of a half two
-blocks of six were turned over in worlds of a milder draft of the public suites (MuJoCo), with these 17 of 18.  Planned only once, pd_ff_dob_tuned.py turns as many over there and lands with half the J (median 1.2
-against 2.4): in these worlds planning again does not pay.
+Against it stands the sensors' filter: the speed that x^ begins with is 16 ms late, so each plan begins from a tool
+that moved a little differently.  That is why the gains are not the paper's but those of pd_ff_dob_tuned.py, with
+gravity compensated by 0.9, and the margin of the friction cone is large.  With the paper's gains and a margin of a
+half two blocks of six were turned over in worlds of a milder draft of the public suites (MuJoCo), with these 17 of
+18.  Planned only once, pd_ff_dob_tuned.py turns as many over there and lands with half the J (median 1.2 against
+2.4): in these worlds planning again does not pay.
 """
 
 NAME = "replanning MPC, 1 ms"
