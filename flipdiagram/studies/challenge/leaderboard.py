@@ -24,7 +24,7 @@ MARK = " ≠"
 """Behind a rank that is another one under the other referee."""
 TEXT = """# Leaderboard of the challenge
 
-Suites {version} ({digest}); flipdiagram {flipdiagram}, Drake {drake}, MuJoCo as its extra has it. An entry is ranked by
+Suites {version} ({digest}); flipdiagram {flipdiagram}, Drake {drake}, MuJoCo {mujoco}. An entry is ranked by
 how many blocks it turned over, within each suite and under each referee: Drake and MuJoCo. A rank marked{mark} differs
 between the two. The interval is Wilson's, 95 %; held-out worlds are drawn from a secret ({secret}) that no entry has
 seen. What the benchmark measures, and what it does not: see the page on the challenge.
@@ -84,7 +84,7 @@ def markdown(entries: Sequence[Result], replays: Mapping[str, str]) -> str:
             digest=first["suite"]["digest"][:12],
             secret=", ".join(secrets),
             mark=MARK,
-            **{name: first["of"][name] for name in ("flipdiagram", "drake")},
+            **{name: first["of"].get(name, "not installed") for name in ("flipdiagram", "drake", "mujoco")},
         ),
         "![Blocks turned over](leaderboard.png)\n\n",
     ]

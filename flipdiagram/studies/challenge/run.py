@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -72,7 +73,7 @@ def run(
     worlds = drawn.worlds(names) + (drawn.worlds(names, secret) if secret else [])
     with Workers(jobs) as workers, open_to_write(Path(out) / FILE, {"digest": "flips of a challenge"}) as store:
         entry = described(workers, file)
-        flights = {(world.hash, engine): _flight(entry, world, engine) for world in worlds for engine in referees}
+        flights = {(world.hash, engine): flight_of(entry, world, engine) for world in worlds for engine in referees}
         missing = [f for f in flights.values() if store.outcome(f.trial, f.architecture) is None]
         clock = Clock(len(missing), lambda text: progress(f"{entry.name}: {text}"))
         fly_all(missing, len(missing), Flying(workers, store, work_of(entry.path), LIMITS, clock.tick))
@@ -118,7 +119,8 @@ def _engines(given: Sequence[str] | None) -> list[str]:
     return chosen
 
 
-def _flight(entry: Entry, world: World, engine: str) -> EntryFlight:
+def flight_of(entry: Entry, world: World, engine: str) -> EntryFlight:
+    """A world under an entry, named by all that decides what becomes of it."""
     truth, believed = world.truth(engine, entry.settings), world.believed(engine, entry.settings)
     question = {"world": world.hash, "engine": engine, "entry": entry.digest, "code": provenance()[0]}
     key = f"{world.name} {engine} {digest_of(question)}"
@@ -181,7 +183,7 @@ def _body(entry: Entry, drawn: Suites, rows: Sequence[Mapping[str, Any]], secret
         "suite": {"version": drawn.version, "digest": drawn.digest},
         "held_out": digest_of({"secret": secret})[:16] if secret else None,
         "code": code,
-        "of": versions,
+        "of": versions | ({"mujoco": version("mujoco")} if find_spec("mujoco") else {}),
         "scores": scores(rows),
         "problems": problems(rows),
         "flips": rows,

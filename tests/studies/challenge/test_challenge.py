@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import pytest
 import recorded
@@ -13,6 +14,7 @@ from flipdiagram.flips.workers import Workers
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.studies.challenge import run as challenge
 from flipdiagram.studies.challenge.entry import load_entry
+from flipdiagram.studies.challenge.flying import fly_entry, plan_entry
 from flipdiagram.studies.challenge.leaderboard import markdown, rank
 from flipdiagram.studies.challenge.score import load_results, paired_with, problems, scores
 from flipdiagram.studies.challenge.suites import load_suites, read_secret
@@ -219,3 +221,38 @@ def test_results_of_other_worlds_or_of_something_else_are_refused(tmp_path):
             json.dumps(head | entered(name, 1, 1) | {"suite": {"version": "v1", "digest": digest * 64}})
         )
     assert cli.main(["challenge", "--leaderboard", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
+
+
+RESULTS = Path(__file__).parents[3] / "examples" / "challenge" / "results"
+
+
+def test_a_stored_score_comes_out_again():
+    """The paper's controller: four of its public worlds flown anew under MuJoCo end as its result tells."""
+    result = json.loads((RESULTS / "pd_ff_dob.json").read_text(encoding="utf-8"))
+    entry = load_entry(RESULTS.parent / "pd_ff_dob.py")
+    assert result["entry"]["digest"] == entry.digest and result["suite"]["digest"] == load_suites().digest
+    stored = {(row["hash"], row["engine"]): row for row in result["flips"]}
+    for world in load_suites().worlds(["nominal", "uncertain"])[6:10]:
+        flight = challenge.flight_of(entry, world, "mujoco")
+        plan, _ = plan_entry(flight.believed, entry.path)
+        outcome = fly_entry(flight, plan).outcome
+        row = stored[world.hash[:16], "mujoco"]
+        assert outcome.mode == row["outcome"]
+        assert outcome.metrics.position_rmse_m == pytest.approx(row["position_rmse_m"], rel=0.02)
+
+
+def test_every_entry_has_its_result_and_every_result_its_entry():
+    """Of the files as they are: a changed entry must be flown again."""
+    files = {path.stem: load_entry(path).digest for path in RESULTS.parent.glob("*.py") if enters(path)}
+    stored = {summary["entry"]["file"].removesuffix(".py"): summary for summary in load_results(RESULTS)}
+    assert files == {name: summary["entry"]["digest"] for name, summary in stored.items()}
+    suites = load_suites()
+    for summary in stored.values():
+        assert summary["suite"]["digest"] == suites.digest and summary["held_out"]
+        assert {row["engine"] for row in summary["flips"]} == {"drake", "mujoco"}
+        assert len(summary["flips"]) == 2 * (68 + 60)
+
+
+def enters(path):
+    """Whether a file is an entry, no script beside them."""
+    return "\nNAME = " in path.read_text(encoding="utf-8")
