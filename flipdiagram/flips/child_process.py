@@ -24,8 +24,8 @@ from typing import Any, NamedTuple
 
 from flipdiagram.errors import FlipdiagramError
 
-RECYCLED_AFTER = 60
-"""Calls after which a child is replaced: Drake never frees a Python system, 2 to 3 MB a flip."""
+RECYCLED_AFTER = 120
+"""Calls after which a child is replaced: Drake never frees a Python system, 2 to 5 MB a flip."""
 START_TIMEOUT = 300.0
 """Seconds that a new child may take to import what it calls."""
 STARTS = 12
@@ -33,7 +33,7 @@ STARTS = 12
 IDLE = 120.0
 """Seconds without a call after which a child ends, as in a Dask worker whose campaign is over."""
 MEMORY = 2.0
-"""GB that the process of a flip may hold; it needs 0.4, and 3 MB more for each flip that it has flown."""
+"""GB that the process of a flip may hold; it needs 0.4, and 5 MB more for each flip that it has flown."""
 LOOK = 0.25
 """Seconds between two looks at the memory of a child that makes a call."""
 PR_SET_PDEATHSIG = 1

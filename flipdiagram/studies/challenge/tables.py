@@ -23,7 +23,7 @@ def success_grid(summary: Summary) -> Grid:
         ]
         for row in summary["scores"]
     ]
-    headings = ["suite", "worlds", "engine", "turned over", "share", "95 % (Wilson)", "the others"]
+    headings = ["suite", "worlds", "engine", "turned over", "share", "95 % (Wilson)", "not turned over"]
     title = f"{summary['entry']['name']}, suites {summary['suite']['version']} ({summary['suite']['digest'][:12]})"
     return Grid(headings, rows, title, headings[3:6], keys=3)
 
@@ -49,7 +49,7 @@ def number_grid(summary: Summary) -> Grid:
         "suite",
         "worlds",
         "engine",
-        "landing J [1]",
+        "landing J",
         "position RMSE [cm]",
         "acceleration RMSE [m/s²]",
         "torque [% of peak]",
@@ -57,7 +57,13 @@ def number_grid(summary: Summary) -> Grid:
         "P99 [µs]",
         "noise gain [N m s/rad]",
     ]
-    return Grid(headings, rows, "medians over the flips", headings[3:], keys=3)
+    return Grid(
+        headings,
+        rows,
+        "medians over the flips (landing J: the less the better; noise gain: where speeds are noisy)",
+        headings[3:],
+        keys=3,
+    )
 
 
 def against_grid(summary: Summary) -> Grid:

@@ -35,8 +35,10 @@ def control(t, x_cmd, v_cmd, a_cmd, q, qd, memory):
     """The torque of each joint [N m] until the next call.
 
     t [s]: 0 when the motion starts, below 0 while the arm holds the start.
-    x_cmd, v_cmd, a_cmd (6,): y, z [m], theta, [rad], x [m], pitch, yaw [rad] of the object on the tool; per s; per s^2.
-    q, qd (n,): joint angles [rad] and speeds [rad/s] as the sensors show them: late, filtered, noisy.
+    x_cmd, v_cmd, a_cmd (6,): y, z [m], theta [rad], x [m], pitch, yaw [rad] of the tool, where the block's centre rests
+        on it; per s; per s^2.
+    q, qd (6,): joint angles [rad], late, and speeds [rad/s], late, filtered and noisy, as the sensors show them.
+    The drives limit what is returned, an array or a list, to tau_max.
     """
     arm = memory["arm"]
     x, v, J, bias = arm.task_kinematics(q, qd)
