@@ -16,7 +16,7 @@ from flipdiagram.diagrams.controller import ControllerBoxes, add_controller
 from flipdiagram.diagrams.drive import Drive, add_drive, ripple_at_rest
 from flipdiagram.diagrams.equilibrium import Equilibrium, equilibrium, no_equilibrium
 from flipdiagram.diagrams.horizon import close_horizon, mpc_of
-from flipdiagram.diagrams.native_controller import NativeController, add_native_controller
+from flipdiagram.diagrams.native_controller import NativeController, add_native_controller, add_native_sensing
 from flipdiagram.diagrams.own_controller import OwnController, add_own_controller
 from flipdiagram.diagrams.ports import export_ports
 from flipdiagram.diagrams.replacement import WHOLE, Box, build_diagram
@@ -189,7 +189,8 @@ def build_loop(
             MyController} in the place of all of them, see `own_controller.add_own_controller`.
         meshcat: where to show the cell.
         native: sensors and controller as one box that computes the same, to rounding, in a fraction of the time; its
-            boxes are then none of the diagram's.  Not with boxes of the user's own.
+            boxes are then none of the diagram's.  Of the sensors alone beside a whole controller of the user's own, not
+            with other boxes of the user's own.
         replanner: what makes that by which an MPC plans again, by default a `Replanner` of the scenario.
         external_commands: no MPC; `x_cmd`, `v_cmd`, `a_cmd` are input ports of the diagram.
 
@@ -198,7 +199,8 @@ def build_loop(
             something needs the MPC: a recording, planning again.
         PlanningError: where the arm cannot be at the start pose.
     """
-    native = native and not replace
+    whole = bool(replace) and WHOLE in (replace or {})
+    native = native and (whole or not replace)
     arm, period = arm_of(scenario), scenario.controller.period
     arm = native_arm(arm) if native else arm
     motion = Planner(scenario, arm)
@@ -224,14 +226,18 @@ def build_loop(
     cell = ENGINES[scenario.simulation.engine](builder, scenario, arm, start.q, resting.at_rest if stands else None)
     seen: Sensing
     boxes: Controller
-    if native and mpc is not None:
-        ports = {name: mpc.GetOutputPort(name) for name in COMMANDS} | {"q": cell.q, "qd": cell.qd}
+    joints = {"q": cell.q, "qd": cell.qd}
+    if native and mpc is not None and not whole:
+        ports = {name: mpc.GetOutputPort(name) for name in COMMANDS} | joints
         seen, boxes = add_native_controller(builder, scenario, architecture, arm, start.q, ports, offset)
         signals = {**commands, "q": seen.q, "qd": seen.qd}
     else:
-        seen = add_sensing(builder, scenario, arm, cell.q, cell.qd, resting.q, offset)
+        if native:
+            seen = add_native_sensing(builder, scenario, arm, start.q, joints, offset)
+        else:
+            seen = add_sensing(builder, scenario, arm, cell.q, cell.qd, resting.q, offset)
         signals = {**commands, "q": seen.q, "qd": seen.qd}
-        if replace and WHOLE in replace:
+        if whole and replace is not None:
             boxes = add_own_controller(builder, replace, arm, signals)
         else:
             boxes = add_controller(

@@ -1,4 +1,4 @@
-"""Sensors and controller as one box, for runs of many flips: the same laws, the arm's kinematics as machine code."""
+"""Sensors and controller, or sensors alone, as one box: the same laws, the arm's kinematics as machine code."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -75,11 +75,38 @@ def add_native_controller(
     q_start: Floats,
     inputs: Mapping[str, OutputPort],
     offset: float = 0.0,
-) -> tuple[NativeSensing, NativeController]:
+) -> tuple[Sensing, NativeController]:
     """Add what `add_sensing` and `add_controller` add, as one box; arguments and errors are the same.
 
     inputs: the commands, and q and qd of the cell.  Noise comes from boxes of its own: a draw is no machine code.
     """
+    sensing, box = _add(builder, scenario, architecture, arm, q_start, inputs, offset)
+    assert box is not None
+    return sensing, NativeController(box)
+
+
+def add_native_sensing(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    arm: ArmModel,
+    q_start: Floats,
+    inputs: Mapping[str, OutputPort],
+    offset: float = 0.0,
+) -> Sensing:
+    """The same of the sensors alone, where the controller is the user's own; inputs: q and qd of the cell."""
+    return _add(builder, scenario, None, arm, q_start, inputs, offset)[0]
+
+
+def _add(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    architecture: str | None,
+    arm: ArmModel,
+    q_start: Floats,
+    inputs: Mapping[str, OutputPort],
+    offset: float,
+) -> tuple[Sensing, Fused | None]:
+    """Sensing and the box; None where there are neither sensors nor a controller."""
     figure = DiagramBuilder()
     sources, noises = dict(inputs), dict[str, SensorNoise]()
     entered: dict[str, OutputPort] = {}
@@ -99,17 +126,21 @@ def add_native_controller(
         return total.get_output_port()
 
     seen = add_sensing(figure, scenario, arm, entered["q"], entered["qd"], q_start, offset, add_noise)
-    signals = entered | {"q": seen.q, "qd": seen.qd}
-    boxes = add_controller(figure, scenario, architecture, arm, q_start, signals, offset)
     measured = {f"q{MEASURED}": seen.q, f"qd{MEASURED}": seen.qd} if seen.boxes or noises else {}
+    if architecture is None and not measured:  # sensors that show what is
+        return Sensing(inputs["q"], inputs["qd"], {}), None
     for name, port in measured.items():
         figure.ExportOutput(port, name)
-    for signal in ("tau", "tau_cmd", "tau_dis", "x", "v"):
-        if (output := boxes.output(signal)) is not None:
-            figure.ExportOutput(output, signal)
-    box = builder.AddNamedSystem("controller", Fused(figure.Build(), native=True, tuned=("resolution",)))
+    if architecture is not None:
+        signals = entered | {"q": seen.q, "qd": seen.qd}
+        boxes = add_controller(figure, scenario, architecture, arm, q_start, signals, offset)
+        for signal in ("tau", "tau_cmd", "tau_dis", "x", "v"):
+            if (output := boxes.output(signal)) is not None:
+                figure.ExportOutput(output, signal)
+    name = "sensors" if architecture is None else "controller"
+    box = builder.AddNamedSystem(name, Fused(figure.Build(), native=True, tuned=("resolution",)))
     for name, source in sources.items():
         builder.Connect(source, box.GetInputPort(name))
     q, qd = (box.GetOutputPort(f"{name}{MEASURED}") if measured else inputs[name] for name in ("q", "qd"))
     sensing = NativeSensing(q, qd, seen.boxes | noises, inside=box, noises=noises)
-    return sensing, NativeController(box)
+    return sensing, box

@@ -88,7 +88,7 @@ def simulate(
         SimulationError: where the simulation diverges.
     """
     return simulate_loop(
-        build_loop(scenario, architecture, record=True, replace=replace, native=replace is None, replanner=replanner),
+        build_loop(scenario, architecture, record=True, replace=replace, native=True, replanner=replanner),
         plan,
         progress,
     )

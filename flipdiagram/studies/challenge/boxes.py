@@ -1,7 +1,7 @@
 """An entry as a controller in the loop: a function as a Drake System, and the referee that times and checks it."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -57,15 +57,15 @@ class FunctionController(LeafSystem):
 class Referee(LeafSystem):
     """Passes a controller's torque on, and notes the processor time it took: `seconds`, a number each period.
 
-    Inputs are those of the controller and its `tau` (n,) [N m]; output `tau`.  Raises EntryError for a torque that is
-    not finite.
+    Inputs are those of the controller, by their sizes, and its torque as `tau_entry` (n,) [N m]; output `tau`.  Raises
+    EntryError for a torque that is not finite.
     """
 
-    def __init__(self, joints: int, start_time: float) -> None:
+    def __init__(self, taken: Mapping[str, int], joints: int, start_time: float) -> None:
         super().__init__()
         self.seconds: list[float] = []
         self._start = start_time
-        ports = [self.DeclareVectorInputPort(name, CHANNELS if name not in ("q", "qd") else joints) for name in INPUTS]
+        ports = [self.DeclareVectorInputPort(name, size) for name, size in taken.items()]
         self._reads = [port.Eval for port in ports]
         self._tau = self.DeclareVectorInputPort("tau_entry", joints).Eval
         self.DeclareVectorOutputPort("tau", joints, self._calc)
@@ -97,22 +97,22 @@ def refereed(entry: Entry, believed: Scenario, start_time: float) -> tuple[Diagr
         system = entry.laws["controller"](believed)
         if not isinstance(system, System):
             raise EntryError(f"controller returned {type(system).__name__}; valid is a Drake System")
-    builder = DiagramBuilder()
-    box, referee = builder.AddSystem(system), builder.AddNamedSystem("referee", Referee(arm.n_joints, start_time))
-    names = {box.get_output_port(i).get_name(): box.get_output_port(i) for i in range(box.num_output_ports())}
-    taken = {box.get_input_port(i).get_name(): box.get_input_port(i) for i in range(box.num_input_ports())}
+    names = {port.get_name(): port for port in map(system.get_output_port, range(system.num_output_ports()))}
+    taken = {port.get_name(): port for port in map(system.get_input_port, range(system.num_input_ports()))}
     if "tau" not in names or names["tau"].size() != arm.n_joints:
         raise EntryError(f"its System has no output port 'tau' of size {arm.n_joints} but {sorted(names)}")
     for name, port in taken.items():
         size = CHANNELS if name not in ("q", "qd") else arm.n_joints
         if name not in INPUTS or port.size() != size:
-            raise EntryError(
-                f"its input port '{name}' of size {port.size()} fits no signal; valid are {', '.join(INPUTS)}"
-            )
+            valid = ", ".join(INPUTS)
+            raise EntryError(f"its input port '{name}' of size {port.size()} fits no signal; valid are {valid}")
+    builder = DiagramBuilder()
+    referee = Referee({name: port.size() for name, port in taken.items()}, arm.n_joints, start_time)
+    builder.AddSystem(system)
+    builder.AddNamedSystem("referee", referee)
     builder.Connect(names["tau"], referee.GetInputPort("tau_entry"))
-    for name in INPUTS:
+    for name, port in taken.items():
         builder.ExportInput(referee.GetInputPort(name), name)
-        if name in taken:
-            builder.ConnectInput(name, taken[name])
+        builder.ConnectInput(name, port)
     builder.ExportOutput(referee.GetOutputPort("tau"), "tau")
     return builder.Build(), referee

@@ -103,7 +103,7 @@ def _run(entry: Entry, scenario: Scenario, believed: Scenario, plan: Plan) -> tu
         return simulate_loop(loop, plan), seconds
     controller, referee = refereed(entry, believed, scenario.simulation.lead_time)
     own = {"controller": controller}
-    loop = build_loop(scenario, entry.architecture, record=True, replace=own, replanner=again)
+    loop = build_loop(scenario, entry.architecture, record=True, replace=own, native=True, replanner=again)
     return simulate_loop(loop, plan), referee.seconds
 
 
