@@ -108,6 +108,9 @@ def suite_grid(entries: Sequence[Result], suite: str) -> Grid:
         )
     )
     ranks = {column: rank(entries, suite, *column) for column in columns}
+    # a rank can only be another one among those that flew under both referees
+    both = [entry for entry in entries if all(found(entry, kind, suite, engine) for kind, engine in columns)]
+    compared = {column: rank(both, suite, *column) for column in columns}
     order = sorted(entries, key=lambda entry: ranks[columns[0]].get(entry["entry"]["name"], len(entries) + 1))
     rows = []
     for entry in order:
@@ -117,7 +120,9 @@ def suite_grid(entries: Sequence[Result], suite: str) -> Grid:
             if row is None:
                 cells.append("–")
                 continue
-            places = {ranks[kind, other][name] for k, other in columns if k == kind and name in ranks[kind, other]}
+            places = {
+                compared[kind, other][name] for k, other in columns if k == kind and name in compared[kind, other]
+            }
             place = f"{ranks[kind, engine][name]}.{MARK if len(places) > 1 else ''}"
             share = f"{100 * row['rate']:.0f} % ({100 * row['low']:.0f}–{100 * row['high']:.0f})"
             cells.append(f"{place} {share}")
