@@ -56,7 +56,8 @@ def plot_leaderboard(entries: Sequence[Result]) -> Figure:
     """A panel for each suite, a row for each entry: the share turned over, public filled and held-out open."""
     suites = list(dict.fromkeys(row["suite"] for row in entries[0]["scores"]))
     names = [entry["entry"]["name"] for entry in entries]
-    axes = new_axes(len(suites), (9.6, 0.28 * len(names) + 1.3), columns=len(suites))
+    axes = new_axes(len(suites), (9.6, 0.28 * len(names) + 1.5), columns=len(suites))
+    handles: dict[str, Any] = {}
     for ax, suite in zip(axes, suites, strict=True):
         for y, entry in enumerate(entries):
             for shift, engine in ((-0.14, "drake"), (0.14, "mujoco")):
@@ -65,11 +66,12 @@ def plot_leaderboard(entries: Sequence[Result]) -> Figure:
                     if row is None:
                         continue
                     rate, low, high = (100 * row[key] for key in ("rate", "low", "high"))
-                    color, first = COLORS[engine], y == 0
+                    color = COLORS[engine]
                     if kind == PUBLIC:
                         ax.plot([low, high], [y + shift] * 2, color=color, linewidth=0.9, alpha=0.7)
-                    face, label = (color if kind == PUBLIC else "white"), f"{kind}, {engine}" if first else None
-                    ax.plot(rate, y + shift, "o", color=color, markerfacecolor=face, markersize=4, label=label)
+                    face, label = color if kind == PUBLIC else "white", f"{kind}, {engine}"
+                    (marker,) = ax.plot(rate, y + shift, "o", color=color, markerfacecolor=face, markersize=4)
+                    handles.setdefault(label, marker)
         ax.set_title(suite, fontsize=9)
         ax.set_xlim(-3, 103)
         ax.set_xlabel("turned over [%]")
@@ -79,7 +81,7 @@ def plot_leaderboard(entries: Sequence[Result]) -> Figure:
         for x in (25, 50, 75):
             ax.axvline(x, **GUIDE)
         tidy(ax)
-    axes[-1].legend(fontsize=6.5, framealpha=0.9)
     figure = axes[0].figure
     assert isinstance(figure, Figure)
+    figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=4, fontsize=7.5)
     return figure
