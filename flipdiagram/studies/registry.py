@@ -164,7 +164,7 @@ _RECORDS = (
         figures=Later("studies.challenge.leaderboard:write_figures"),
         tables=Later("studies.challenge.leaderboard:tables"),
         read=Later("results.summaries:challenge"),
-        written=lambda summary, out: f"written to {out / 'leaderboard.md'} and {out / 'leaderboard.html'}",
+        written=lambda summary, out: f"written to {out / 'leaderboard.md'} and {out / 'index.html'}",
     ),
     _study(
         "report",

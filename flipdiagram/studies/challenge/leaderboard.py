@@ -62,7 +62,7 @@ def write_figures(
     text = markdown(entries, replays)
     write_atomically(out / "leaderboard.md", text)
     body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
-    write_atomically(out / "leaderboard.html", PAGE.format(body=body))
+    write_atomically(out / "index.html", PAGE.format(body=body))
     missing = [entry["entry"]["name"] for entry in entries if entry["entry"]["name"] not in replays]
     return [f"no replay, as the file is not there or has changed: {', '.join(missing)}"] if missing and replays else []
 

@@ -204,7 +204,7 @@ def test_the_page_is_made_of_stored_results(tmp_path):
         (folder / f"{result['entry']['name'][0]}.json").write_text(json.dumps(head | result))
     out = tmp_path / "out"
     assert cli.main(["challenge", "--leaderboard", str(folder.parent), "--out", str(out), "--no-replay"]) == 0
-    page = (out / "leaderboard.html").read_text(encoding="utf-8")
+    page = (out / "index.html").read_text(encoding="utf-8")
     assert "<table>" in page and "b &lt;i&gt;" in page and (out / "leaderboard.png").is_file()
     assert (out / "leaderboard.md").read_text(encoding="utf-8").startswith("# Leaderboard of the challenge")
 
