@@ -1,8 +1,8 @@
-"""Write the table of `memoriser.py`: for each public start the entry that turned the block over under most referees.
+"""Write the table of `memoriser.py`: for each public start an entry that turned the block over in MuJoCo.
 
     python examples/challenge/memorise.py
 
-It reads the results of the entries that are plain functions.
+It reads the results of the entries that are plain functions; all of them have flown in MuJoCo.
 """
 
 import json
@@ -16,13 +16,13 @@ FOLDER = Path(__file__).parent
 
 
 def main() -> None:
-    """Count who turned the block over where; of equals the first by name is taken."""
+    """See who turned the block over where; of several the first by name is taken."""
     won: dict[tuple[str, int], Counter[str]] = defaultdict(Counter)
     for result in load_results(FOLDER / "results"):
         name = Path(result["entry"]["file"]).stem
         if result["entry"]["kinds"] == ["control"] and name != "memoriser":
             for flip in result["flips"]:
-                if flip["kind"] == PUBLIC:
+                if flip["kind"] == PUBLIC and flip["engine"] == "mujoco":
                     won[flip["suite"], flip["index"]][name] += flip["outcome"] == "turned over"
     suites = load_suites()
     table = {}

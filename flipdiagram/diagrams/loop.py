@@ -199,7 +199,8 @@ def build_loop(
             something needs the MPC: a recording, planning again.
         PlanningError: where the arm cannot be at the start pose.
     """
-    whole = bool(replace) and WHOLE in (replace or {})
+    replace = replace or {}
+    whole = WHOLE in replace
     native = native and (whole or not replace)
     arm, period = arm_of(scenario), scenario.controller.period
     arm = native_arm(arm) if native else arm
@@ -237,7 +238,7 @@ def build_loop(
         else:
             seen = add_sensing(builder, scenario, arm, cell.q, cell.qd, resting.q, offset)
         signals = {**commands, "q": seen.q, "qd": seen.qd}
-        if whole and replace is not None:
+        if whole:
             boxes = add_own_controller(builder, replace, arm, signals)
         else:
             boxes = add_controller(
@@ -255,7 +256,7 @@ def build_loop(
     export_ports(builder, {**signals, **boxes.signals}, cell)
     diagram = build_diagram(builder, replace)
     diagram.set_name(architecture)
-    own = tuple(replace or ())
+    own = tuple(replace)
     return Loop(
         diagram, scenario, architecture, arm, mpc, seen, drive, boxes, cell, start.q, logs, own, resting.equilibrium
     )

@@ -99,7 +99,9 @@ def import_mujoco() -> Any:
     try:
         return importlib.import_module("mujoco")
     except ImportError:
-        raise InputError("the second engine needs MuJoCo: pip install 'flipdiagram[mujoco]'") from None
+        valid = "pip install 'flipdiagram[mujoco]'"
+        message = f"the second engine needs MuJoCo: {valid}"
+        raise InputError(message, field="simulation.engine", valid=valid) from None
 
 
 def contact_boxes(plant: MultibodyPlant, scene_graph: SceneGraph, parts: Parts) -> dict[str, list[ContactBox]]:

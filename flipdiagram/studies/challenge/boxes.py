@@ -5,11 +5,12 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem, System
+from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem
 
 from flipdiagram.arrays import Floats
 from flipdiagram.blocks.mpc import CHANNELS, COMMANDS
 from flipdiagram.diagrams.own_controller import INPUTS
+from flipdiagram.diagrams.replacement import WHOLE, fitting
 from flipdiagram.errors import EntryError
 from flipdiagram.robot.native_arm import native_arm
 from flipdiagram.robot.parts import arm_of
@@ -85,7 +86,8 @@ class Referee(LeafSystem):
 def refereed(entry: Entry, believed: Scenario, start_time: float) -> tuple[Diagram, Referee]:
     """The controller of an entry with its referee, as `build_loop(replace={"controller": …})` takes it.
 
-    believed: what the entry may know of the world.  start_time: when the motion starts [s].
+    believed: what the entry may know of the world.  start_time: when the motion starts [s].  Raises InputError for a
+    System that does not fit.
     """
     arm = native_arm(arm_of(believed))
     if "control" in entry.kinds:
@@ -94,23 +96,13 @@ def refereed(entry: Entry, believed: Scenario, start_time: float) -> tuple[Diagr
             entry.laws["reset"](memory)
         system: Any = FunctionController(entry.laws["control"], memory, arm.n_joints, start_time)
     else:
-        system = entry.laws["controller"](believed)
-        if not isinstance(system, System):
-            raise EntryError(f"controller returned {type(system).__name__}; valid is a Drake System")
-    names = {port.get_name(): port for port in map(system.get_output_port, range(system.num_output_ports()))}
+        system = fitting(WHOLE, entry.laws["controller"](believed), {"tau": arm.n_joints}, INPUTS)
     taken = {port.get_name(): port for port in map(system.get_input_port, range(system.num_input_ports()))}
-    if "tau" not in names or names["tau"].size() != arm.n_joints:
-        raise EntryError(f"its System has no output port 'tau' of size {arm.n_joints} but {sorted(names)}")
-    for name, port in taken.items():
-        size = CHANNELS if name not in ("q", "qd") else arm.n_joints
-        if name not in INPUTS or port.size() != size:
-            valid = ", ".join(INPUTS)
-            raise EntryError(f"its input port '{name}' of size {port.size()} fits no signal; valid are {valid}")
     builder = DiagramBuilder()
     referee = Referee({name: port.size() for name, port in taken.items()}, arm.n_joints, start_time)
     builder.AddSystem(system)
     builder.AddNamedSystem("referee", referee)
-    builder.Connect(names["tau"], referee.GetInputPort("tau_entry"))
+    builder.Connect(system.GetOutputPort("tau"), referee.GetInputPort("tau_entry"))
     for name, port in taken.items():
         builder.ExportInput(referee.GetInputPort(name), name)
         builder.ConnectInput(name, port)

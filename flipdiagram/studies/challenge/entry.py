@@ -11,7 +11,7 @@ from io import TextIOBase
 from pathlib import Path
 from typing import Any
 
-from flipdiagram.errors import EntryError, FlipdiagramError, InputError, first_line
+from flipdiagram.errors import EntryError, FlipdiagramError, InputError, SimulationError, first_line
 from flipdiagram.files import read_text
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 
@@ -129,10 +129,8 @@ def watched(path: Path) -> Iterator[None]:
 
 
 def _problem(error: BaseException) -> BaseException:
-    """What was raised first: a simulation that breaks off tells it in its own words."""
-    while error.__context__ is not None and not isinstance(error, EntryError):
-        error = error.__context__
-    return error
+    """What was raised: a simulation that breaks off tells it in its own words."""
+    return error.__context__ if isinstance(error, SimulationError) and error.__context__ is not None else error
 
 
 def _line_in(path: Path, error: BaseException) -> int | None:

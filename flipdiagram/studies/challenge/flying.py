@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from flipdiagram.diagrams.loop import build_loop
-from flipdiagram.errors import EntryError
+from flipdiagram.diagrams.replacement import WHOLE
+from flipdiagram.errors import EntryError, InputError
 from flipdiagram.flips.flight import Flight, Landed, Planned, Work, fly, plan_drawn_flight, provenance, with_inertia_of
 from flipdiagram.planning import Plan
 from flipdiagram.planning.replanner import Replanner
@@ -101,15 +102,20 @@ def _run(entry: Entry, scenario: Scenario, believed: Scenario, plan: Plan) -> tu
 
         box.compute = timed
         return simulate_loop(loop, plan), seconds
-    controller, referee = refereed(entry, believed, scenario.simulation.lead_time)
-    own = {"controller": controller}
-    loop = build_loop(scenario, entry.architecture, record=True, replace=own, native=True, replanner=again)
+    try:
+        controller, referee = refereed(entry, believed, scenario.simulation.lead_time)
+        own = {WHOLE: controller}
+        loop = build_loop(scenario, entry.architecture, record=True, replace=own, native=True, replanner=again)
+    except InputError as error:
+        if error.field != WHOLE:
+            raise
+        raise EntryError(str(error).removeprefix("replace: ")) from None
     return simulate_loop(loop, plan), referee.seconds
 
 
 def _numbers(run: Run, seconds: list[float]) -> dict[str, Any]:
     data, times = run.recording, np.array(seconds)
-    if "replanned" in data:  # a plan is made on its own thread, but counts as what the entry computes
+    if "replanned" in data:  # what plans on the way computes too; of a plan the wall time is known
         times = np.concatenate([times, solve_times(data)[1]])
     still = data["tau"].sel(time=slice(-STILL, -1e-9)).values
     noise = float(np.sqrt(np.mean(np.var(still, axis=0)))) if len(still) else None

@@ -1,5 +1,6 @@
 """The leaderboard: stored results of many entries as Markdown, as a page of HTML, and as a picture."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
@@ -9,25 +10,27 @@ from markdown_it import MarkdownIt
 from flipdiagram.errors import InputError
 from flipdiagram.figures.style import save
 from flipdiagram.files import write_atomically, write_summary
-from flipdiagram.grid import Grid, number
+from flipdiagram.grid import Grid
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.studies.challenge.figures import plot_leaderboard
 from flipdiagram.studies.challenge.replays import write_replays
-from flipdiagram.studies.challenge.score import MEDIANS, Result, found, load_results
+from flipdiagram.studies.challenge.score import Result, found, load_results
 from flipdiagram.studies.challenge.suites import PUBLIC
+from flipdiagram.studies.challenge.tables import HEADINGS, number_cells
 from flipdiagram.studies.study import Progress, Summary, silent
 
 FILE = "leaderboard.json"
-FACTORS = (1.0, 100.0, 1.0, 100.0, 1e6, 1e6, 1.0)
-"""From the numbers of `score.MEDIANS` to those of the table."""
+NOISY = "uncertain"
+"""The suite in which there is a noise gain."""
 MARK = " ≠"
 """Behind a rank that is another one under the other referee."""
 TEXT = """# Leaderboard of the challenge
 
 Suites {version} ({digest}); flipdiagram {flipdiagram}, Drake {drake}, MuJoCo {mujoco}. An entry is ranked by
-how many blocks it turned over, within each suite and under each referee: Drake and MuJoCo. A rank marked{mark} differs
-between the two. The interval is Wilson's, 95 %; held-out worlds are drawn from a secret ({secret}) that no entry has
-seen. What the benchmark measures, and what it does not: see the page on the challenge.
+how many blocks it turned over, within each suite and under each referee, Drake and MuJoCo; a dash: not flown.
+Marked{mark}: among the entries that flew under both referees its rank differs between them. The interval is Wilson's,
+95 %; held-out worlds are drawn from a secret ({secret}) that no entry has seen. What the benchmark measures, and
+what it does not: see the page on the challenge.
 
 """
 
@@ -43,12 +46,12 @@ def run(scenario: Scenario, out: str | Path, *, leaderboard: Path, progress: Pro
 
     Raises InputError for a folder without results, and where they are of several versions of the suites.
     """
-    found = load_results(leaderboard / "results")
-    if len(versions := {entry["suite"]["digest"][:12] for entry in found}) > 1:
+    results = load_results(leaderboard / "results")
+    if len(versions := {entry["suite"]["digest"][:12] for entry in results}) > 1:
         problem = f"--leaderboard = '{leaderboard}' holds results of other suites, {', '.join(sorted(versions))}"
         raise InputError.of("--leaderboard", str(leaderboard), "results of one version", problem)
     kept = ("entry", "suite", "held_out", "of", "scores")
-    entries = [{name: entry[name] for name in kept} for entry in found]
+    entries = [{name: entry[name] for name in kept} for entry in results]
     write_summary(Path(out) / FILE, "leaderboard", Scenario(), {"folder": str(leaderboard), "entries": entries})
 
 
@@ -90,7 +93,7 @@ def markdown(entries: Sequence[Result], replays: Mapping[str, str]) -> str:
     ]
     for suite in dict.fromkeys(row["suite"] for row in first["scores"]):
         parts.append(f"## {suite}\n\n{suite_grid(entries, suite).markdown()}\n")
-    parts.append(f"## Other numbers\n\n{number_grid(entries).markdown()}\n")
+    parts.append(f"## Other numbers\n\n{number_grid(entries).section()}\n")
     parts.append(f"## Entries\n\n{entry_grid(entries, replays).markdown()}")
     return "".join(parts)
 
@@ -101,17 +104,16 @@ def _escaped(result: Result) -> Result:
 
 
 def suite_grid(entries: Sequence[Result], suite: str) -> Grid:
-    """Rank, share and interval by kind of worlds and referee; the best under the first referee stands first."""
-    columns = list(
-        dict.fromkeys(
-            (row["kind"], row["engine"]) for entry in entries for row in entry["scores"] if row["suite"] == suite
-        )
-    )
+    """Rank, share and interval by kind of worlds and referee, under which most entries flew first, and so ordered."""
+    flown = Counter((row["kind"], row["engine"]) for e in entries for row in e["scores"] if row["suite"] == suite)
+    columns = sorted(flown, key=lambda column: (column[0] != PUBLIC, -flown[column], column[1]))
     ranks = {column: rank(entries, suite, *column) for column in columns}
     # a rank can only be another one among those that flew under both referees
     both = [entry for entry in entries if all(found(entry, kind, suite, engine) for kind, engine in columns)]
     compared = {column: rank(both, suite, *column) for column in columns}
-    order = sorted(entries, key=lambda entry: ranks[columns[0]].get(entry["entry"]["name"], len(entries) + 1))
+    order = sorted(
+        entries, key=lambda entry: [ranks[column].get(entry["entry"]["name"], len(entries) + 1) for column in columns]
+    )
     rows = []
     for entry in order:
         name, cells = entry["entry"]["name"], []
@@ -138,16 +140,13 @@ def rank(entries: Sequence[Result], suite: str, kind: str, engine: str) -> dict[
 
 
 def number_grid(entries: Sequence[Result]) -> Grid:
-    """Medians in the public uncertain worlds under Drake, the numbers that no rank counts."""
-    rows = []
-    for entry in entries:
-        row = found(entry, PUBLIC, "uncertain", "drake") or entry["scores"][0]
-        values = [(row[name], factor) for name, factor in zip(MEDIANS, FACTORS, strict=True)]
-        cells = ["–" if value is None else number(float(f"{factor * value:.3g}")) for value, factor in values]
-        rows.append([entry["entry"]["name"], *cells])
-    headings = ["landing J", "position RMSE [cm]", "acceleration RMSE [m/s²]", "torque [% of peak]", "P50 [µs]"]
-    headings += ["P99 [µs]", "noise gain [N m s/rad]"]
-    return Grid(["entry", *headings], rows, right=headings)
+    """Medians in the public worlds of a suite, the one with noise, under the referee of most: what no rank counts."""
+    flown = Counter(
+        (row["suite"], row["engine"]) for entry in entries for row in entry["scores"] if row["kind"] == PUBLIC
+    )
+    suite, engine = max(flown, key=lambda column: (column[0] == NOISY, flown[column]))
+    rows = [[entry["entry"]["name"], *number_cells(found(entry, PUBLIC, suite, engine))] for entry in entries]
+    return Grid(["entry", *HEADINGS], rows, f"medians in the public worlds of {suite}, {engine}", right=HEADINGS)
 
 
 def entry_grid(entries: Sequence[Result], replays: Mapping[str, str]) -> Grid:

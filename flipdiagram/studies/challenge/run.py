@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from flipdiagram.diagrams.loop import ENGINES
 from flipdiagram.errors import InputError
 from flipdiagram.files import write_summary
 from flipdiagram.flips.child_process import MEMORY, Limits, TrialError, TrialLimitError, WorkerLostError
@@ -19,6 +20,7 @@ from flipdiagram.flips.run import Clock
 from flipdiagram.flips.store import Store, digest_of
 from flipdiagram.flips.store_file import open_to_write
 from flipdiagram.flips.workers import Workers
+from flipdiagram.plants.mujoco_contact import import_mujoco
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.studies.challenge.entry import Entry, load_entry
 from flipdiagram.studies.challenge.flying import EntryFlight, work_of
@@ -27,7 +29,6 @@ from flipdiagram.studies.challenge.suites import Suites, World, load_suites, rea
 from flipdiagram.studies.study import Progress, silent
 
 FILE = "challenge.sqlite"
-ENGINES = ("drake", "mujoco")
 LIMITS = Limits(300.0, MEMORY)
 """What a flip, the planning of one, or the loading of the file may take."""
 LEAST_NOISE = 2e-3
@@ -71,6 +72,7 @@ def run(
     names, referees = _chosen(suites, drawn.names, "--suites"), _engines(engines)
     secret = read_secret(seed_file) if seed_file else None
     worlds = drawn.worlds(names) + (drawn.worlds(names, secret) if secret else [])
+    progress(f"loading {Path(file).name}")
     with Workers(jobs) as workers, open_to_write(Path(out) / FILE, {"digest": "flips of a challenge"}) as store:
         entry = described(workers, file)
         flights = {(world.hash, engine): flight_of(entry, world, engine) for world in worlds for engine in referees}
@@ -110,13 +112,9 @@ def _chosen(given: Sequence[str] | None, valid: Sequence[str], option: str) -> l
 
 
 def _engines(given: Sequence[str] | None) -> list[str]:
-    chosen = _chosen(given, ENGINES, "--engines")
-    if find_spec("mujoco") is None:
-        if given and "mujoco" in given:
-            valid = "pip install 'flipdiagram[mujoco]'"
-            raise InputError(f"the second engine needs MuJoCo: {valid}", field="--engines", valid=valid)
-        chosen = [name for name in chosen if name != "mujoco"]
-    return chosen
+    if given and "mujoco" in given:
+        import_mujoco()  # raises InputError where it is missing
+    return [name for name in _chosen(given, tuple(ENGINES), "--engines") if name != "mujoco" or find_spec(name)]
 
 
 def flight_of(entry: Entry, world: World, engine: str) -> EntryFlight:

@@ -92,7 +92,7 @@ def paired_with(rows: Iterable[Row], other: Mapping[str, Any]) -> dict[str, Any]
 
 def load_results(folder: str | Path) -> list[dict[str, Any]]:
     """The summaries of entries in a folder, `*.json`, by name; raises InputError for a folder without any."""
-    found = []
+    results = []
     for file in sorted(Path(folder).glob("*.json")):
         try:
             summary = json.loads(file.read_text(encoding="utf-8"))
@@ -101,8 +101,8 @@ def load_results(folder: str | Path) -> list[dict[str, Any]]:
         except (OSError, ValueError, KeyError, TypeError):
             valid = "summary.json of flipdiagram challenge"
             raise InputError.of("results", str(file), valid, f"'{file}' is no result of an entry") from None
-        found.append(summary)
-    if not found:
+        results.append(summary)
+    if not results:
         valid = "one that holds summaries of entries, NAME.json"
         raise InputError.of("results", str(folder), valid, f"folder '{folder}' holds no results")
-    return found
+    return results

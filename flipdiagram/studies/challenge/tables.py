@@ -1,10 +1,14 @@
 """The score of an entry as tables."""
 
+from collections.abc import Mapping
+from typing import Any
+
+from flipdiagram.flips.outcome import SUCCESS
 from flipdiagram.grid import Grid, number
 from flipdiagram.studies.study import Summary
 
 
-def tables(summary: Summary) -> list[Grid | str]:
+def tables(summary: Summary) -> list[Grid | str | None]:
     """Success by suite and engine; the other numbers; against others; and what the entry did wrong."""
     return [success_grid(summary), number_grid(summary), against_grid(summary), *summary["problems"], _slow(summary)]
 
@@ -19,7 +23,7 @@ def success_grid(summary: Summary) -> Grid:
             f"{row['turned_over']}/{row['flips']}",
             f"{100 * row['rate']:.0f} %",
             f"{100 * row['low']:.0f}–{100 * row['high']:.0f} %",
-            ", ".join(f"{count} {mode}" for mode, count in row["modes"].items() if mode != "turned over") or "–",
+            ", ".join(f"{count} {mode}" for mode, count in row["modes"].items() if mode != SUCCESS) or "–",
         ]
         for row in summary["scores"]
     ]
@@ -28,42 +32,30 @@ def success_grid(summary: Summary) -> Grid:
     return Grid(headings, rows, title, headings[3:6], keys=3)
 
 
+NUMBERS = {
+    "landing_cost_J": ("landing J", 1.0),
+    "position_rmse_m": ("position RMSE [cm]", 100.0),
+    "acceleration_rmse_m_s2": ("acceleration RMSE [m/s²]", 1.0),
+    "torque_use": ("torque [% of peak]", 100.0),
+    "compute_p50_s": ("P50 [µs]", 1e6),
+    "compute_p99_s": ("P99 [µs]", 1e6),
+    "noise_gain_Nms": ("noise gain [N m s/rad]", 1.0),
+}
+"""Heading of each of `score.MEDIANS`, and the factor to its unit."""
+HEADINGS = [heading for heading, _ in NUMBERS.values()]
+
+
+def number_cells(row: Mapping[str, Any] | None) -> list[str]:
+    """The medians of a suite under `HEADINGS`; dashes where it was not flown."""
+    values = [(None if row is None else row[name], factor) for name, (_, factor) in NUMBERS.items()]
+    return ["–" if value is None else number(float(f"{factor * value:.3g}")) for value, factor in values]
+
+
 def number_grid(summary: Summary) -> Grid:
     """Medians over the flips of a suite."""
-    rows = [
-        [
-            row["suite"],
-            row["kind"],
-            row["engine"],
-            number(row["landing_cost_J"]),
-            _scaled(row["position_rmse_m"], 100),
-            number(row["acceleration_rmse_m_s2"]),
-            _scaled(row["torque_use"], 100),
-            _scaled(row["compute_p50_s"], 1e6),
-            _scaled(row["compute_p99_s"], 1e6),
-            number(row["noise_gain_Nms"]),
-        ]
-        for row in summary["scores"]
-    ]
-    headings = [
-        "suite",
-        "worlds",
-        "engine",
-        "landing J",
-        "position RMSE [cm]",
-        "acceleration RMSE [m/s²]",
-        "torque [% of peak]",
-        "P50 [µs]",
-        "P99 [µs]",
-        "noise gain [N m s/rad]",
-    ]
-    return Grid(
-        headings,
-        rows,
-        "medians over the flips (landing J: the less the better; noise gain: where speeds are noisy)",
-        headings[3:],
-        keys=3,
-    )
+    rows = [[row["suite"], row["kind"], row["engine"], *number_cells(row)] for row in summary["scores"]]
+    title = "medians over the flips (landing J: the less the better; noise gain: where speeds are noisy)"
+    return Grid(["suite", "worlds", "engine", *HEADINGS], rows, title, HEADINGS, keys=3)
 
 
 def against_grid(summary: Summary) -> Grid:
@@ -83,10 +75,6 @@ def against_grid(summary: Summary) -> Grid:
     ]
     headings = ["against", "suite", "worlds", "only this", "only that", "points (95 %)", "p (McNemar, Holm)"]
     return Grid(headings, rows, "pair by pair in the same worlds", headings[3:], keys=3)
-
-
-def _scaled(value: float | None, factor: float) -> str:
-    return "–" if value is None else f"{factor * value:.3g}"
 
 
 def _slow(summary: Summary) -> str | None:

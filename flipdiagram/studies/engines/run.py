@@ -3,7 +3,6 @@
 import math
 from collections import Counter
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, get_args
 
@@ -19,6 +18,7 @@ from flipdiagram.campaign.statistics import holm, success_rate
 from flipdiagram.errors import InputError
 from flipdiagram.files import write_summary
 from flipdiagram.flips.flight import Work
+from flipdiagram.plants.mujoco_contact import import_mujoco
 from flipdiagram.scenario.scenario import Scenario, Simulation
 from flipdiagram.studies.study import Progress, silent
 
@@ -41,9 +41,7 @@ def run(
     """
     if file is None:
         raise InputError("engines needs the FILE of a campaign; see examples/campaign.yaml", field="FILE")
-    if find_spec("mujoco") is None:
-        valid = "pip install 'flipdiagram[mujoco]'"
-        raise InputError(f"the second engine needs MuJoCo: {valid}", field="simulation.engine", valid=valid)
+    import_mujoco()  # raises InputError before anything is written
     data = {}
     for engine in ENGINES:
         specification = load_specification(file, scenario.changes() | {"simulation.engine": engine})

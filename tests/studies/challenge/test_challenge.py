@@ -191,9 +191,23 @@ def entered(name, drake, mujoco):
 def test_ranks_are_shared_by_equals_and_marked_where_the_referees_differ():
     entries = [entered("a", 9, 7), entered("b", 9, 8), entered("c", 2, 1)]
     assert rank(entries, "hard", "public", "drake") == {"a": 1, "b": 1, "c": 3}
-    lines = {line.split("|")[1].strip(): line for line in markdown(entries, {}).splitlines() if line.startswith("| ")}
-    assert "2. ≠ 70 % (40–89)" in next(line for line in markdown(entries, {}).splitlines() if line.startswith("| a |"))
-    assert lines and "3. 20 %" in next(line for line in markdown(entries, {}).splitlines() if line.startswith("| c |"))
+    rows = [line for line in markdown(entries, {}).splitlines() if re.match(r"\| [abc] \|", line)][:3]
+    assert [row.split(" | ")[0] for row in rows] == [
+        "| b",
+        "| a",
+        "| c",
+    ]  # of equals under one referee the other decides
+    assert "1. ≠ 90 % (60–98) | 2. ≠ 70 % (40–89)" in rows[1] and "3. 20 %" in rows[2]
+
+
+def test_who_flew_under_one_referee_alone_is_no_reason_for_a_mark_and_has_dashes():
+    """`c` beats both under MuJoCo and has not flown under Drake: the ranks of the two others are compared alone."""
+    alone = entered("c", 0, 10)
+    alone["scores"] = [score for score in alone["scores"] if score["engine"] == "mujoco"]
+    text = markdown([entered("a", 9, 8), entered("b", 8, 7), alone], {})
+    rows = {line[2]: line for line in text.splitlines() if re.match(r"\| [abc] \| \d", line)}
+    assert rows["a"].startswith("| a | 2. 80 % (49–94) | 1. 90 % (60–98)") and rows["c"].endswith("| – |")
+    assert "medians in the public worlds of hard, mujoco" in text
 
 
 def test_the_page_is_made_of_stored_results(tmp_path):

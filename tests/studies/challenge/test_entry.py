@@ -93,10 +93,21 @@ BAD_FLIGHTS = {
     "prints": (FUNCTION + "print('tau', q)\n    return q\n", "'mine.py', line 2 writes to stdout: 'tau'"),
     "reset": ("def reset(memory):\n    raise ValueError('no')\n" + FUNCTION + "return q\n", "line 2: ValueError: no"),
     "system": (SYSTEM.format(value="1 / 0"), "'mine.py', line 9: ZeroDivisionError: division by zero"),
+    "again": (
+        FUNCTION
+        + "try:\n        return q / memory['absent']\n    except KeyError:\n        raise ValueError('my own words')\n",
+        "'mine.py', line 5: ValueError: my own words",
+    ),
     "runtime": (SYSTEM.format(value="self.GetInputPort('no')"), "'mine.py', line 9: RuntimeError"),
-    "no system": ("def controller(scenario):\n    return 3\n", "controller returned int; valid is a Drake System"),
-    "no tau": (SYSTEM.replace('"tau"', '"torque"').format(value="[0] * 6"), "has no output port 'tau' of size 6"),
-    "port": (SYSTEM.replace('("q", 6)', '("q", 7)').format(value="[0] * 6"), "its input port 'q' of size 7 fits no"),
+    "no system": ("def controller(scenario):\n    return 3\n", "'mine.py': 'controller' = 3 is no Drake System"),
+    "no tau": (
+        SYSTEM.replace('"tau"', '"torque"').format(value="[0] * 6"),
+        "'mine.py': the box for 'controller' has no output port 'tau' but torque; valid is",
+    ),
+    "port": (
+        SYSTEM.replace('("q", 6)', '("q", 7)').format(value="[0] * 6"),
+        "'mine.py': the box for 'controller' has input port 'q' has size 7",
+    ),
 }
 
 
