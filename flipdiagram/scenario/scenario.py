@@ -22,7 +22,7 @@ from pydantic import Field, model_validator
 
 from flipdiagram.files import read_text
 from flipdiagram.grid import Grid
-from flipdiagram.scenario.cell import JOINTS, Arm, Disturbance, Inertia, JointFriction, Object, Table, Tool
+from flipdiagram.scenario.cell import JOINTS, PANCAKE, Arm, Disturbance, Inertia, JointFriction, Object, Table, Tool
 from flipdiagram.scenario.joints import Drive, Joints, Sensors
 from flipdiagram.scenario.motion import Planner, Task
 from flipdiagram.scenario.one_dof import Frequency, OneDof, check_nyquist
@@ -143,6 +143,16 @@ class Scenario(Section):
     one_dof: OneDof = OneDof()
     frequency: Frequency = Frequency()
 
+    @model_validator(mode="before")
+    @classmethod
+    def _defaults_of_a_pancake(cls, data: Any) -> Any:
+        if isinstance(data, Mapping) and kind_in(data) == "pancake":
+            data = dict(data)
+            for section, fields in PANCAKE.items():
+                if section != "object" and isinstance(given := data.get(section, {}), Mapping):
+                    data[section] = {**fields, **given}
+        return data
+
     @property
     def encoder_bits(self) -> int:
         """Of the encoders on the motors' side; 0: none."""
@@ -163,23 +173,47 @@ class Scenario(Section):
             # other ratios make Drake split one instant into two ordered events
             valid = f"controller.period = {self.controller.period} [s] divided by 1, 2, 4, 8, …"
             raise invalid("simulation.step", self.simulation.step, valid)
+        if self.object.kind == "pancake":
+            self._check_pancake()
+            return self
         for edge, side in (("length", "blade_width"), ("width", "blade_length")):
             most = getattr(self.tool, side)
             if getattr(self.object, edge) > most:
                 raise invalid(f"object.{edge}", getattr(self.object, edge), f"at most tool.{side} = {most} [m]")
         return self
 
+    def _check_pancake(self) -> None:
+        """A pancake may hang over the blade, but not reach the flange; Drake alone moves it, by its SAP solver."""
+        settings, size = self.simulation, self.object
+        if size.width / 2 >= self.tool.reach:
+            edge = "width" if size.diameter is None else "diameter"
+            valid = f"below twice tool.reach = {self.tool.reach} [m]"
+            raise invalid(f"object.{edge}", size.width, valid)
+        where = "where object.kind is pancake"
+        if settings.engine != "drake":
+            raise invalid("simulation.engine", settings.engine, f"drake {where}")
+        if settings.contact_approximation != "sap":
+            raise invalid("simulation.contact_approximation", settings.contact_approximation, f"sap {where}")
+
     def with_overrides(self, overrides: Mapping[str, Any]) -> Scenario:
         """A copy with fields changed by path, {"controller.k_p": 400.0}, or nested, {"controller": {"k_p": 400.0}}.
 
         Raises ScenarioError for a bad one.
         """
-        return override(Scenario, self.model_dump(), overrides)
+        kind = kind_in(overrides) or overrides.get("object.kind", self.object.kind)
+        if kind == self.object.kind == "block":
+            return override(Scenario, self.model_dump(), overrides)
+        # what was not said takes the defaults of its kind of object, and follows from a diameter
+        return override(Scenario, dict.fromkeys(Scenario.model_fields, {}), {**self.changes(), **overrides})
 
     def changes(self) -> dict[str, Any]:
-        """The fields that are not at their defaults, by path: what `with_overrides` takes."""
-        default = Scenario()
-        return {path: v for path in field_paths() if (v := value_of(self, path)) != value_of(default, path)}
+        """The fields that are not at the defaults of their kind of object, by path: what `with_overrides` takes."""
+        kind = {"object.kind": self.object.kind} if self.object.kind != Scenario().object.kind else {}
+        default = validate(Scenario, {"object": {"kind": self.object.kind}})
+        changed = {path: v for path in field_paths() if (v := value_of(self, path)) != value_of(default, path)}
+        if self.object.diameter is not None:
+            changed = {path: v for path, v in changed.items() if path not in ("object.length", "object.width")}
+        return kind | changed
 
     def __repr__(self) -> str:
         changes = [f"{path}={show(value)}" for path, value in self.changes().items()]
@@ -237,6 +271,12 @@ def with_unit(path: str) -> str:
     field = fields_of(Scenario).get(path)
     unit = unit_of(field) if field else ""
     return path if unit in ("", "1") else f"{path} [{unit}]"
+
+
+def kind_in(data: Mapping[str, Any]) -> str | None:
+    """The kind of object that nested mappings name; None where they name none."""
+    section = data.get("object")
+    return section.get("kind") if isinstance(section, Mapping) else getattr(section, "kind", None)
 
 
 def value_of(scenario: Scenario, path: str) -> Any:
