@@ -30,6 +30,7 @@ from flipdiagram.planning.replanner import Replanner, Replanning
 from flipdiagram.plants.cell import add_cell
 from flipdiagram.plants.handle import Cell, Rest
 from flipdiagram.plants.mujoco_cell import add_mujoco_cell
+from flipdiagram.plants.pancake_cell import add_pancake_cell
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.native_arm import native_arm
 from flipdiagram.robot.parts import arm_of
@@ -40,7 +41,7 @@ ENGINES: dict[str, Callable[[DiagramBuilder, Scenario, ArmModel, Floats, Rest | 
     "drake": add_cell,
     "mujoco": add_mujoco_cell,
 }
-"""What adds a cell, by `simulation.engine`."""
+"""What adds a cell with a rigid block, by `simulation.engine`."""
 SATURATED = 1e-6
 """Relative distance to a torque limit below which a joint counts as too weak."""
 REPLANNING = ("solve_time", "iterations", "status", "cone_margin", "replanned", "failed", "late")
@@ -224,7 +225,9 @@ def build_loop(
         commands |= {name: mpc.GetOutputPort(name) for name in COMMANDS}
     resting = Resting(scenario, architecture, arm, start)
     stands = scenario.simulation.start == "equilibrium" and not (native or replace)
-    cell = ENGINES[scenario.simulation.engine](builder, scenario, arm, start.q, resting.at_rest if stands else None)
+    bends = scenario.object.kind == "pancake"
+    add = add_pancake_cell if bends else ENGINES[scenario.simulation.engine]
+    cell = add(builder, scenario, arm, start.q, resting.at_rest if stands else None)
     seen: Sensing
     boxes: Controller
     joints = {"q": cell.q, "qd": cell.qd}
@@ -286,7 +289,7 @@ def _record(
     signals |= {"q": cell.q_link, "qd": cell.qd_link, "block": cell.block, "contact_wrench": cell.contact_wrench}
     signals |= {name: port for name in ("tau_cmd", "tau_dis") if (port := boxes.output(name)) is not None}
     elastic = cell.q_link is not cell.q
-    signals |= {"tau": tau} | ({"qd_motor": cell.qd} if elastic else {})
+    signals |= {**cell.recorded, "tau": tau} | ({"qd_motor": cell.qd} if elastic else {})
     if seen.boxes or elastic:
         signals |= {"q_meas": seen.q, "qd_meas": seen.qd}
     logs = {}

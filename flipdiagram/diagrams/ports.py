@@ -28,7 +28,7 @@ def export_ports(builder: DiagramBuilder, signals: Mapping[str, OutputPort | int
     if isinstance(cell, DrakeCell):
         outputs["query_object"] = cell.scene_graph.get_query_output_port()
         for name in FORCES:
-            port = cell.plant.GetInputPort(name)
+            port = cell.robot.GetInputPort(name)
             if not builder.IsConnectedOrExported(port):
                 builder.ExportInput(port, name)
     for name, output in outputs.items():

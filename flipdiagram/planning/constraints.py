@@ -40,17 +40,25 @@ class Geometry:
     half_thickness: float
     half_blade: float
     blade_thickness: float
+    round: bool = False
+    """A disc, else a box."""
 
     @classmethod
     def of(cls, scenario: Scenario) -> Geometry:
         """Take the sizes from a scenario."""
         block, tool = scenario.object, scenario.tool
-        return cls(block.length / 2, block.thickness / 2, tool.blade_width / 2, tool.blade_thickness)
+        disc = block.diameter is not None
+        return cls(block.length / 2, block.thickness / 2, tool.blade_width / 2, tool.blade_thickness, disc)
 
     @property
     def gyration(self) -> float:
         """k² = I_θ / m of the block about the axis of the motion [m²]."""
-        return (self.half_length**2 + self.half_thickness**2) / 3
+        return (self.half_length**2 * (0.75 if self.round else 1.0) + self.half_thickness**2) / 3
+
+    @property
+    def half_support(self) -> float:
+        """Half of what of the block lies on the blade, along s [m]."""
+        return min(self.half_length, self.half_blade)
 
     @property
     def blade(self) -> list[tuple[float, float]]:
@@ -167,7 +175,7 @@ def contact(layout: Layout, scenario: Scenario, k: Indices) -> list[Constraint]:
     """Normal force, friction cone (7) and centre of pressure in the intervals k."""
     geometry, planner = Geometry.of(scenario), scenario.planner
     mu = scenario.object.friction * (1 - planner.friction_margin)
-    reach = geometry.half_length * (1 - planner.support_margin)
+    reach = geometry.half_support * (1 - planner.support_margin)
     constraints = []
     for at in (k, k + 1):
         columns = [layout.u(k, 0), layout.u(k, 1), layout.u(k, 2), layout.x(at, 2)]

@@ -2,28 +2,40 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.geometry import Meshcat, MeshcatVisualizer, SceneGraph
+from pydrake.geometry import GeometryId, Meshcat, MeshcatVisualizer, SceneGraph
 from pydrake.multibody.plant import AddMultibodyPlant, ContactResults, MultibodyPlant, MultibodyPlantConfig
-from pydrake.multibody.tree import BodyIndex
+from pydrake.multibody.tree import BodyIndex, RigidBody
 from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Adder, Demultiplexer
 
 from flipdiagram.arrays import Floats
 from flipdiagram.blocks.block import Block
-from flipdiagram.plants.handle import Cell, Rest, add_joint_torque, add_model, add_push, block_on_blade, rest_by_default
+from flipdiagram.plants.handle import (
+    CONTACT_PAIRS,
+    Cell,
+    Rest,
+    add_joint_torque,
+    add_model,
+    add_push,
+    block_on_blade,
+    rest_by_default,
+)
 from flipdiagram.robot.arm import ArmModel
-from flipdiagram.robot.parts import Parts
+from flipdiagram.robot.parts import Parts, Surroundings
 from flipdiagram.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True)
 class DrakeCell(Cell):
-    """The cell in Drake: `plant` moves it."""
+    """The cell in Drake: `robot` moves it."""
 
     scene_graph: SceneGraph
+    robot: MultibodyPlant
+    """What stands in the diagram: `plant`, or another where the object is no rigid body."""
 
     def stand(self, context: Context, q: Floats) -> None:
         """See `Cell`."""
@@ -46,12 +58,16 @@ class ContactForces(Block):
     The forces belong to the step that begins at t: the plant's outputs are not sampled (see `add_cell`).
     """
 
-    def __init__(self, plant: MultibodyPlant, parts: Parts) -> None:
+    def __init__(
+        self, plant: MultibodyPlant, blade: RigidBody, table: RigidBody, block: RigidBody | GeometryId
+    ) -> None:
         super().__init__()
-        bodies = (parts.arm.spatula_body, parts.block, parts.table)
-        self._body_of = {g: b.index() for b in bodies for g in plant.GetCollisionGeometriesForBody(b)}
-        blade, block, table = (body.index() for body in bodies)
-        self._slot = {(blade, block): (0, 1.0), (table, block): (3, 1.0), (table, blade): (6, 1.0)}
+        bodies = {"blade": blade, "table": table} | ({"block": block} if isinstance(block, RigidBody) else {})
+        self._who: dict[BodyIndex | GeometryId, str] = {body.index(): name for name, body in bodies.items()}
+        self._who |= {g: name for name, body in bodies.items() for g in plant.GetCollisionGeometriesForBody(body)}
+        if isinstance(block, GeometryId):
+            self._who[block] = "block"
+        self._slot = {tuple(pair.split("-")): (3 * k, 1.0) for k, pair in enumerate(CONTACT_PAIRS)}
         self._slot |= {(on, by): (first, -1.0) for (by, on), (first, _) in self._slot.items()}
         self.input("contact_results", Value[ContactResults]())
         self.output("contact_wrench", 12, self._wrench)
@@ -62,24 +78,30 @@ class ContactForces(Block):
             info = results.hydroelastic_contact_info(i)
             surface = info.contact_surface()
             # F_Ac_W acts on the body of geometry M, at the centroid
-            by, on, F = self._body_of.get(surface.id_N()), self._body_of.get(surface.id_M()), info.F_Ac_W()
+            by, on, F = surface.id_N(), surface.id_M(), info.F_Ac_W()
             self._add(wrench, by, on, F.translational(), surface.centroid(), F.rotational())
         for i in range(results.num_point_pair_contacts()):
             pair = results.point_pair_contact_info(i)
             # contact_force acts on body B
             self._add(wrench, pair.bodyA_index(), pair.bodyB_index(), pair.contact_force(), pair.contact_point(), 0.0)
+        for i in range(results.num_deformable_contacts()):
+            patch = results.deformable_contact_info(i)
+            # F_Ac_W acts on the body of geometry A, the one that bends, at the centroid
+            F, at = patch.F_Ac_W(), patch.contact_mesh().centroid()
+            self._add(wrench, patch.id_B(), patch.id_A(), F.translational(), at, F.rotational())
         return wrench
 
     def _add(
         self,
         wrench: Floats,
-        by: BodyIndex | None,
-        on: BodyIndex | None,
+        by: BodyIndex | GeometryId,
+        on: BodyIndex | GeometryId,
         force: Floats,
         at: Floats,
         couple: Floats | float,
     ) -> None:
-        if (slot := self._slot.get((by, on))) is not None:
+        pair = self._who.get(by, ""), self._who.get(on, "")
+        if (slot := self._slot.get(pair)) is not None:
             first, sign = slot
             wrench[first : first + 3] += sign * force
             if first == 0:
@@ -102,48 +124,82 @@ def add_cell(
     Raises:
         InputError: where the joint friction's transition velocity is too small for the step.
     """
+    plant, scene_graph = AddMultibodyPlant(plant_config(scenario), builder)
+    parts = add_model(plant, scenario, q_start)
+    X_TB = block_on_blade(plant, parts)
+    if rest is not None:
+        rest_by_default(plant, parts, X_TB, rest)
+    forces = ContactForces(plant, parts.arm.spatula_body, parts.table, parts.block)
+    return DrakeCell(
+        plant,
+        parts,
+        X_TB,
+        **wired(builder, scenario, arm, plant, parts, forces),
+        block=plant.get_state_output_port(parts.block.model_instance()),
+        poses=plant.get_body_poses_output_port(),
+        scene_graph=scene_graph,
+        robot=plant,
+    )
+
+
+def plant_config(scenario: Scenario) -> MultibodyPlantConfig:
+    """How Drake's plant of a cell steps and touches.
+
+    Sampled outputs would make the plant step in an unrestricted update, which Drake runs before the discrete updates of
+    the same instant: the observer would then see the state after the step, and everything be evaluated twice.
+    """
     settings = scenario.simulation
-    # Sampled outputs would make the plant step in an unrestricted update, which Drake runs before the discrete updates
-    # of the same instant: the observer would then see the state after the step, and everything be evaluated twice.
-    config = MultibodyPlantConfig(
+    return MultibodyPlantConfig(
         time_step=settings.step,
         contact_model=settings.contact_model,
         discrete_contact_approximation=settings.contact_approximation,
         use_sampled_output_ports=False,
     )
-    plant, scene_graph = AddMultibodyPlant(config, builder)
-    parts = add_model(plant, scenario, q_start)
-    X_TB = block_on_blade(plant, parts)
-    if rest is not None:
-        rest_by_default(plant, parts, X_TB, rest)
+
+
+def wired(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    arm: ArmModel,
+    robot: MultibodyPlant,
+    parts: Parts | Surroundings,
+    forces: ContactForces,
+) -> dict[str, Any]:
+    """Add what stands around a plant in the diagram: joint friction, push, contact forces; fields of its `DrakeCell`.
+
+    parts: those of this plant, finalized.
+    """
+    settings = scenario.simulation
     state = builder.AddNamedSystem("joint_state", Demultiplexer([arm.n_joints] * 2))
-    contact = builder.AddNamedSystem("contact_forces", ContactForces(plant, parts))
-    builder.Connect(plant.get_state_output_port(parts.arm.arm), state.get_input_port())
+    contact = builder.AddNamedSystem("contact_forces", forces)
+    builder.Connect(robot.get_state_output_port(parts.arm.arm), state.get_input_port())
     link, of_links = state, tuple[str, ...]()
     if parts.gears is not None:
         models = parts.arm.arm, parts.gears.model
-        link, of_links = _add_link_state(builder, [plant.get_state_output_port(m) for m in models], arm.n_joints)
+        link, of_links = _add_link_state(builder, [robot.get_state_output_port(m) for m in models], arm.n_joints)
     torque = add_joint_torque(builder, scenario, arm, state.get_output_port(1))
-    builder.Connect(torque.get_output_port(), plant.get_actuation_input_port(parts.arm.arm))
-    builder.Connect(plant.get_contact_results_output_port(), contact.get_input_port())
+    builder.Connect(torque.get_output_port(), robot.get_actuation_input_port(parts.arm.arm))
+    builder.Connect(robot.get_contact_results_output_port(), contact.get_input_port())
     if any(scenario.disturbance.push):
-        add_push(builder, scenario, parts, plant.get_applied_spatial_force_input_port())
-    return DrakeCell(
-        plant,
-        parts,
-        X_TB,
-        tau=torque.get_input_port(0),
-        q=state.get_output_port(0),
-        qd=state.get_output_port(1),
-        q_link=link.get_output_port(0),
-        qd_link=link.get_output_port(1),
-        block=plant.get_state_output_port(parts.block.model_instance()),
-        poses=plant.get_body_poses_output_port(),
-        contact_wrench=contact.get_output_port(),
-        systems=("robot", "scene_graph", "joint_friction", "joint_torque", "joint_state", "contact_forces", *of_links),
-        engine=f"Drake, step {1e3 * settings.step:g} ms, {settings.contact_model}, {settings.contact_approximation}",
-        scene_graph=scene_graph,
-    )
+        add_push(builder, scenario, parts.arm, robot.get_applied_spatial_force_input_port())
+    return {
+        "tau": torque.get_input_port(0),
+        "q": state.get_output_port(0),
+        "qd": state.get_output_port(1),
+        "q_link": link.get_output_port(0),
+        "qd_link": link.get_output_port(1),
+        "contact_wrench": contact.get_output_port(),
+        "systems": (
+            "robot",
+            "scene_graph",
+            "joint_friction",
+            "joint_torque",
+            "joint_state",
+            "contact_forces",
+            *of_links,
+        ),
+        "engine": f"Drake, step {1e3 * settings.step:g} ms, {settings.contact_model}, {settings.contact_approximation}",
+    }
 
 
 def _add_link_state(

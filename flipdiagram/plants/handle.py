@@ -18,6 +18,7 @@ from flipdiagram.errors import NoEquilibriumError
 from flipdiagram.plants.joint_friction import joint_friction
 from flipdiagram.plants.push import Push
 from flipdiagram.robot.arm import ArmModel
+from flipdiagram.robot.assembly import ArmHandles
 from flipdiagram.robot.parts import Parts, add_parts
 from flipdiagram.scenario.scenario import Scenario
 
@@ -69,6 +70,11 @@ class Cell(ABC):
     @abstractmethod
     def show(self, builder: DiagramBuilder, meshcat: Meshcat) -> None:
         """Add what shows the cell in Meshcat."""
+
+    @property
+    def recorded(self) -> dict[str, OutputPort]:
+        """What else a recording keeps of the object, by name."""
+        return {}
 
     def holding_torque(self, q: Floats) -> Floats:
         """Joint torques (n,) [N m] that hold arm and block still at q (n,) [rad], without friction of the joints.
@@ -165,11 +171,11 @@ def add_joint_torque(builder: DiagramBuilder, scenario: Scenario, arm: ArmModel,
     return torque
 
 
-def add_push(builder: DiagramBuilder, scenario: Scenario, parts: Parts, applied: InputPort) -> None:
+def add_push(builder: DiagramBuilder, scenario: Scenario, arm: ArmHandles, applied: InputPort) -> None:
     """Add the push at the centre of the blade's top surface, into a port that takes forces."""
     unknown = scenario.disturbance
-    point = parts.arm.tool.GetFixedPoseInBodyFrame().translation()
+    point = arm.tool.GetFixedPoseInBodyFrame().translation()
     begin = scenario.simulation.lead_time + unknown.push_time
-    push = Push(parts.arm.spatula_body, point, unknown.push, begin, unknown.push_duration)
+    push = Push(arm.spatula_body, point, unknown.push, begin, unknown.push_duration)
     builder.AddNamedSystem("push", push)
     builder.Connect(push.get_output_port(), applied)

@@ -229,7 +229,7 @@ def add_mujoco_cell(
     torque = add_joint_torque(builder, scenario, arm, qd)
     builder.Connect(torque.get_output_port(), robot.GetInputPort("tau"))
     if pushed:
-        add_push(builder, scenario, parts, robot.GetInputPort("applied"))
+        add_push(builder, scenario, parts.arm, robot.GetInputPort("applied"))
     return MujocoCell(
         plant,
         parts,

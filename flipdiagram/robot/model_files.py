@@ -16,7 +16,7 @@ from flipdiagram.errors import InputError
 from flipdiagram.robot.arm_spec import one_per_joint
 from flipdiagram.robot.model_xml import read_model
 from flipdiagram.robot.own_files import prepare_urdf
-from flipdiagram.scenario.cell import Arm
+from flipdiagram.scenario.cell import Arm, Object
 from flipdiagram.scenario.scenario import Scenario
 
 DRAKE = "http://drake.mit.edu"
@@ -110,12 +110,12 @@ def spatula_urdf(scenario: Scenario) -> str:
 
 
 def block_sdf(scenario: Scenario) -> str:
-    """SDF text of the object, a homogeneous box, with the scenario's numbers and the mass that it really has."""
+    """SDF text of the object, homogeneous, to touch a box, with the scenario's numbers and the mass that it has."""
     block, physics = scenario.object, scenario.simulation
     mass = block.mass * scenario.disturbance.object_mass_scale
     numbers = {
         "mass": mass,
-        **dict(zip(MOMENTS, box_inertia(mass, block.size).tolist(), strict=False)),
+        **dict(zip(MOMENTS, object_inertia(mass, block).tolist(), strict=False)),
         **{f"{DRAKE_TAG}{kind}": block.friction for kind in ("mu_static", "mu_dynamic")},
         f"{DRAKE_TAG}hydroelastic_modulus": physics.hydroelastic_modulus,
         f"{DRAKE_TAG}hunt_crossley_dissipation": physics.dissipation,
@@ -133,6 +133,14 @@ def table_size() -> Array:
     """Edges (3,) of the table's plate [m]."""
     size = _find(_parse(model_path("table.sdf")), ".//collision/geometry/box/size").text or ""
     return np.array([float(edge) for edge in size.split()])
+
+
+def object_inertia(mass: float, block: Object) -> Array:
+    """Moments of inertia (3,) [kg m^2] of the object about its centre, a box or a disc; mass [kg]."""
+    if block.diameter is None:
+        return box_inertia(mass, block.size)
+    across = mass / 12 * (3 * block.diameter**2 / 4 + block.thickness**2)
+    return np.array([across, across, mass * block.diameter**2 / 8])
 
 
 def box_inertia(mass: float, size: Sequence[float]) -> Array:

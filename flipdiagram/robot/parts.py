@@ -32,6 +32,15 @@ class Parts:
     """None where the joints are rigid."""
 
 
+@dataclass(frozen=True)
+class Surroundings:
+    """The same around an object that is no rigid body."""
+
+    arm: ArmHandles
+    table: RigidBody
+    gears: GearHandles | None
+
+
 def arm_of(scenario: Scenario) -> ArmModel:
     """The arm as controller and planner know it: no block, no friction; control point at the object's centre."""
     return ArmModel(_arm_spec(scenario))
@@ -45,20 +54,35 @@ def loaded_arm_of(scenario: Scenario) -> ArmModel:
 
 def add_parts(plant: MultibodyPlant, scenario: Scenario) -> Parts:
     """Add arm, spatula, block and table to a plant that is not finalized; raises InputError for a bad number."""
+    arm, gears = _add_arm(plant, scenario)
+    block = add_object(plant, scenario)
+    return Parts(arm, block, _add_table(plant, scenario, arm), gears)
+
+
+def add_surroundings(plant: MultibodyPlant, scenario: Scenario) -> Surroundings:
+    """The same without the block."""
+    arm, gears = _add_arm(plant, scenario)
+    return Surroundings(arm, _add_table(plant, scenario, arm), gears)
+
+
+def _add_arm(plant: MultibodyPlant, scenario: Scenario) -> tuple[ArmHandles, GearHandles | None]:
     arm, gears = add_arm(plant, _arm_spec(scenario)), None
     if scenario.joints.model == "elastic":
         rigid = arm_of(scenario)
         gears = add_gears(plant, arm, gears_of(scenario, rigid), rigid.joint_names)
     if scenario.disturbance.payload > 0:
         _add_payload(plant, arm, scenario.disturbance.payload)
-    block = add_object(plant, scenario)
+    return arm, gears
+
+
+def _add_table(plant: MultibodyPlant, scenario: Scenario, arm: ArmHandles) -> RigidBody:
     table_text = table_sdf(scenario.table.friction)
     table = add_body(plant, "the table", lambda parser: parser.AddModelsFromString(table_text, "sdf"))
     height = scenario.table.height + scenario.disturbance.table_error
     X_WT = RigidTransform([scenario.task.start_x, scenario.task.target_y, height])
     plant.WeldFrames(plant.world_frame(), table.body_frame(), X_WT)
     _leave_out_collisions(plant, arm)
-    return Parts(arm, block, table, gears)
+    return table
 
 
 def _leave_out_collisions(plant: MultibodyPlant, arm: ArmHandles) -> None:

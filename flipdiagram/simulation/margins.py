@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from flipdiagram.arrays import Floats
-from flipdiagram.robot.model_files import box_inertia
+from flipdiagram.robot.model_files import object_inertia
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.recording import Recording, in_tool, rotations
 from flipdiagram.theory import contact
@@ -69,7 +69,7 @@ def _planned(data: Recording, scenario: Scenario) -> dict[str, tuple[Floats, str
     a, theta = data["a_cmd"].values, data["x_cmd"].values[:, 2]
     carried = time <= data.attrs["release_time_s"]
     tangential, normal = contact.contact_force(a[:, :2], theta)
-    gyration = box_inertia(1.0, block.size)[0]
+    gyration = object_inertia(1.0, block)[0]
     pressure = contact.centre_of_pressure(a, theta, block.thickness / 2, gyration)
     with np.errstate(divide="ignore", invalid="ignore"):
         use = np.abs(tangential) / (block.friction * normal)

@@ -16,6 +16,7 @@ from flipdiagram.planning.command import Command
 from flipdiagram.planning.plan import Plan
 from flipdiagram.planning.replanner import Replanning
 from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.simulation.deformation import with_deformation
 from flipdiagram.simulation.margins import with_margins
 from flipdiagram.simulation.metrics import FlipMetrics, measure
 from flipdiagram.simulation.recording import Recording, assemble
@@ -162,8 +163,10 @@ def recording_of(loop: Loop, context: Context, plan: Plan | Command) -> Recordin
     settings = loop.scenario
     period, hold = settings.controller.period, settings.simulation.lead_time
     clock = (np.arange(samples) - hold / period) * period
-    wrench = signals.pop("contact_wrench")
+    wrench, bent = signals.pop("contact_wrench"), {name: signals.pop(name) for name in loop.cell.recorded}
     signals["contact_force"] = wrench[:9]
     data = with_margins(assemble(signals, clock, settings, loop.architecture, loop.arm, plan), wrench[9:].T, settings)
+    if bent:
+        data = with_deformation(data, bent["vertices"], bent["contact_area"], settings)
     data = data.assign_attrs(engine=loop.cell.engine)
     return data.assign_attrs(replaced=", ".join(loop.replaced)) if loop.replaced else data

@@ -17,7 +17,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flipdiagram.arrays import Floats
+from flipdiagram.simulation.deformation import bends
 from flipdiagram.simulation.events import at_limit, release_index, strike_index, touchdown, touching
+from flipdiagram.simulation.lying import lying
 from flipdiagram.simulation.recording import Recording, in_tool, roll, rotations
 
 RELEASE_TOLERANCE = 0.1
@@ -36,7 +38,8 @@ BEGINNING = 0.3
 TIPPED = 0.1
 """Angle [rad] between block and blade from which the block counts as tipped."""
 SLIDES = ("slid at the start", "slid later")
-CAUSES = (*SLIDES, "tipped", "struck the table", "wrong angle", "never landed", "torque limit")
+OF_A_PANCAKE = ("not turned", "folded", "off target")
+CAUSES = (*SLIDES, "tipped", "struck the table", "wrong angle", "never landed", "torque limit", *OF_A_PANCAKE)
 """Why a flip fails."""
 TEXTS = {"landed": "wrong angle", "never": "never landed"}
 """What the text of a failure begins with where that is not its cause."""
@@ -53,14 +56,20 @@ def judge(data: Recording) -> tuple[bool, str | None]:
     """Success as the paper defines it, and the reason of a failure: its cause with the time, and how it ended.
 
     The block must stay on the blade until the tool has turned to π/2, condition (7) of the plan (less
-    `RELEASE_TOLERANCE`), and touch the table at an angle between π/2 and 3π/2.
+    `RELEASE_TOLERANCE`), and touch the table at an angle between π/2 and 3π/2.  A pancake must, in the place of that
+    angle, lie at the end with most of its former upper face down, nothing folded under, near the target; see `lying`.
     """
     time, landed, k = data["time"].values, touchdown(data), release_index(data)
     if data["x"].values[k, 2] <= np.pi / 2 - RELEASE_TOLERANCE:
         return False, f"{_first(_causes(data, k), 'tipped')}, dropped at {time[k]:.3f} s"
-    if landed is not None and np.pi / 2 < landed.theta_rad < 3 * np.pi / 2:
-        return True, None
     end = "never reached the table" if landed is None else f"landed at {landed.theta_rad:.2f} rad"
+    if landed is not None and bends(data):
+        lies = lying(data).failure
+        if lies is None:
+            return True, None
+        end = lies
+    elif landed is not None and np.pi / 2 < landed.theta_rad < 3 * np.pi / 2:
+        return True, None
     # a block that slid a little and was released all the same landed wrongly for how it was released
     before = {cause: at for cause, at in _causes(data, k).items() if cause in ("struck the table", "torque limit")}
     return False, f"{_first(before, '')}, {end}" if before else end

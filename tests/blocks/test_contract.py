@@ -112,7 +112,7 @@ def push() -> Push:
 
 def contact_forces() -> ContactForces:
     cell = cell_at_start()[0]
-    return ContactForces(cell.plant, cell.parts)
+    return ContactForces(cell.plant, cell.parts.arm.spatula_body, cell.parts.table, cell.parts.block)
 
 
 @cache
