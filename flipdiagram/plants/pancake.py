@@ -32,6 +32,7 @@ from flipdiagram.files import atomic_path, cache_folder, versions
 from flipdiagram.robot.assembly import add_tool
 from flipdiagram.robot.own_things import tool_text
 from flipdiagram.robot.pancake_mesh import PancakeMesh, pancake_mesh
+from flipdiagram.robot.pancake_stiffness import mesh_modulus
 from flipdiagram.scenario.scenario import Scenario
 
 NEAR_RIGID = 10.0
@@ -54,11 +55,13 @@ def add_pancake(
     """Add a pancake, undeformed, its centre at X_WP, to a discrete plant that is not finalized.
 
     settling: a damping [1/s] of all speeds, by which it comes to rest sooner.
+
+    Raises InputError where the mesh is too coarse for so soft a material, see `mesh_modulus`.
     """
     pancake, mesh = scenario.object, pancake_mesh(scenario.object)
     config = DeformableBodyConfig()
     config.set_material_model(MaterialModel.kLinearCorotated)
-    config.set_youngs_modulus(pancake.youngs_modulus)
+    config.set_youngs_modulus(mesh_modulus(pancake))
     config.set_poissons_ratio(pancake.poissons_ratio)
     config.set_mass_density(pancake.mass * scenario.disturbance.object_mass_scale / mesh.volumes.sum())
     config.set_stiffness_damping_coefficient(pancake.damping)

@@ -5,6 +5,7 @@ import xarray as xr
 
 from flipdiagram.arrays import Floats
 from flipdiagram.robot.pancake_mesh import PancakeMesh, pancake_mesh, volumes_of
+from flipdiagram.robot.pancake_stiffness import mesh_modulus
 from flipdiagram.scenario.cell import Object
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation.recording import Recording, rotations
@@ -51,9 +52,9 @@ def bends(data: xr.Dataset) -> bool:
 def deformation_energy(frames: Floats, mesh: PancakeMesh, material: Object) -> Floats:
     """Elastic energy (frame,) [J] of the corotated linear law: Σ V (μ |F − R|² + λ/2 tr(RᵀF − I)²) over the tetrahedra.
 
-    F is the deformation gradient, R its rotation, μ and λ Lamé's constants of E and ν.
+    F is the deformation gradient, R its rotation, μ and λ Lamé's constants of ν and the modulus that the mesh has.
     """
-    E, nu = material.youngs_modulus, material.poissons_ratio
+    E, nu = mesh_modulus(material), material.poissons_ratio
     mu, lame = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
     inverse = np.linalg.inv(_edges(mesh.vertices, mesh))
     energy = np.empty(len(frames))
