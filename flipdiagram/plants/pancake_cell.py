@@ -15,7 +15,7 @@ from flipdiagram.blocks.block import Block
 from flipdiagram.errors import SimulationError
 from flipdiagram.plants.cell import ContactForces, DrakeCell, plant_config, wired
 from flipdiagram.plants.handle import Rest, add_model, block_on_blade, rest_by_default
-from flipdiagram.plants.pancake import NEAR_RIGID, add_pancake, rest_shape
+from flipdiagram.plants.pancake import add_pancake, rest_shape
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.pancake_mesh import PancakeMesh, pancake_mesh
 from flipdiagram.robot.parts import Parts, Surroundings, add_surroundings
@@ -151,9 +151,7 @@ def add_pancake_cell(
     X_TB = block_on_blade(plant, parts)
     if rest is not None:
         rest_by_default(plant, parts, X_TB, rest)
-    config = plant_config(scenario)
-    config.sap_near_rigid_threshold = NEAR_RIGID
-    robot, scene_graph = AddMultibodyPlant(config, builder)
+    robot, scene_graph = AddMultibodyPlant(plant_config(scenario), builder)
     robot.set_name("robot")
     around = add_surroundings(robot, scenario)
     default = plant.CreateDefaultContext()
