@@ -208,12 +208,13 @@ class Scenario(Section):
 
     def changes(self) -> dict[str, Any]:
         """The fields that are not at the defaults of their kind of object, by path: what `with_overrides` takes."""
-        kind = {"object.kind": self.object.kind} if self.object.kind != Scenario().object.kind else {}
-        default = validate(Scenario, {"object": {"kind": self.object.kind}})
-        changed = {path: v for path in field_paths() if (v := value_of(self, path)) != value_of(default, path)}
-        if self.object.diameter is not None:
-            changed = {path: v for path, v in changed.items() if path not in ("object.length", "object.width")}
-        return kind | changed
+        of = {"object.kind": self.object.kind} if self.object.kind != Scenario().object.kind else {}
+        if of and self.object.diameter is None:
+            of["object.diameter"] = None  # other edges are the default of a box than of a disc
+        default = override(Scenario, dict.fromkeys(Scenario.model_fields, {}), of)
+        follow = ("object.length", "object.width") if self.object.diameter is not None else ()
+        paths = [path for path in field_paths() if path not in follow]
+        return of | {path: v for path in paths if (v := value_of(self, path)) != value_of(default, path)}
 
     def __repr__(self) -> str:
         changes = [f"{path}={show(value)}" for path, value in self.changes().items()]

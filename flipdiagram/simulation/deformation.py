@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 
 from flipdiagram.arrays import Floats
-from flipdiagram.robot.pancake_mesh import PancakeMesh, pancake_mesh, volumes_of
+from flipdiagram.robot.pancake_mesh import PancakeMesh, pancake_mesh
 from flipdiagram.robot.pancake_stiffness import mesh_modulus
 from flipdiagram.scenario.cell import Object
 from flipdiagram.scenario.scenario import Scenario
@@ -86,13 +86,6 @@ def doubled_normals(vertices: Floats, triangles: np.ndarray) -> Floats:
     """Normals (..., F, 3) of triangles, of twice their area [m²]."""
     a, b, c = (vertices[..., triangles[:, k], :] for k in range(3))
     return np.cross(b - a, c - a)
-
-
-def inverted(data: Recording) -> Floats:
-    """Share of the volume in tetrahedra that are turned inside out (frame,): a mesh too coarse, or torn."""
-    volumes = volumes_of(data["vertices"].values.astype(float), data["tetrahedra"].values)
-    rest = np.abs(volumes[0])
-    return np.asarray((volumes < 0) @ rest / rest.sum())
 
 
 def _edges(vertices: Floats, mesh: PancakeMesh) -> Floats:
