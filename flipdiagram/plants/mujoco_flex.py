@@ -47,6 +47,9 @@ The default turned over by pd+ff+dob, 75 vertices (Newton, but for the last): to
 A pancake that lies sinks in by 20 to 40 micrometres.  Each tetrahedron touches with one point, which jumps about its
 face: vertices tremble by micrometres, the force of a period by 3 %.  In 0.2 s at 0.9 μ g it creeps 0.2 mm, at 1.2 μ g
 it slides within 1 % of Coulomb's law (10 MPa, 75 vertices).
+
+A flip runs at 0.42, 0.20 and 0.10 of real time with 75, 147 and 243 vertices (processor time, the machine shared), and
+takes 0.5, 0.7 and 2.7 s to come to rest before.
 """
 OLDEST = (4, 0)
 """Version from which MuJoCo's elasticity is that of E and ν: before, tetrahedra had twice Lamé's λ.  The integrator
