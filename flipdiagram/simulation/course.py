@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flipdiagram.simulation.deformation import bends
 from flipdiagram.simulation.events import release_index, strike_index, touchdown, touching
 from flipdiagram.simulation.recording import Recording, in_tool
 from flipdiagram.simulation.verdict import RELEASE_TOLERANCE, SLID
@@ -21,18 +22,18 @@ class Happening(NamedTuple):
 
 def course(data: Recording) -> list[Happening]:
     """Strike, slide, release and landing of a recording in the order of time, as far as they came about."""
-    time = data["time"].values
+    time, thing = data["time"].values, "pancake" if bends(data) else "block"
     happened = []
     if (struck := strike_index(data)) is not None:
         happened.append(Happening(float(time[struck]), "blade struck the table"))
     left = left_index(data)
     if (slid := _slid_index(data, left)) is not None:
-        happened.append(Happening(float(time[slid]), f"block had slid by {100 * SLID:g} cm"))
+        happened.append(Happening(float(time[slid]), f"{thing} had slid by {100 * SLID:g} cm"))
     if left < len(time) - 1:
         angle = data["x"].values[left, 2]
-        happened.append(Happening(float(time[left]), f"block left the blade, {angle:.2f} rad"))
+        happened.append(Happening(float(time[left]), f"{thing} left the blade, {angle:.2f} rad"))
     if (landed := touchdown(data)) is not None:
-        happened.append(Happening(landed.time_s, f"block touched the table, {landed.theta_rad:.2f} rad"))
+        happened.append(Happening(landed.time_s, f"{thing} touched the table, {landed.theta_rad:.2f} rad"))
     return sorted(happened)
 
 
