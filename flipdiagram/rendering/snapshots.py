@@ -32,8 +32,10 @@ from pydrake.systems.sensors import CameraInfo
 
 from flipdiagram.arrays import Array
 from flipdiagram.flips.child_process import die_with
+from flipdiagram.rendering.pancake import show_surface
 from flipdiagram.rendering.scene import Scene, build_scene
 from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.simulation.pancake_surface import Surface, surface_of
 
 if TYPE_CHECKING:  # the child needs none of it
     import xarray as xr
@@ -121,11 +123,19 @@ def take_snapshots(
     moments = recording.sel(time=wanted, method="nearest")
     q, block, tool = (np.asarray(moments[name].values, dtype=float) for name in ("q", "block_pose", "tool_pose"))
     camera = frame_motion(tool, block, scenario, size)
-    return Snapshots(wanted, *pictures(scenario, camera, q, tool, block, python))
+    skin = surface_of(recording)
+    surface = None if skin is None else skin.at(moments["time"])
+    return Snapshots(wanted, *pictures(scenario, camera, q, tool, block, surface, python))
 
 
 def pictures(
-    scenario: Scenario, camera: Camera, q: Array, tool: Array, block: Array, python: Sequence[str] = (sys.executable,)
+    scenario: Scenario,
+    camera: Camera,
+    q: Array,
+    tool: Array,
+    block: Array,
+    surface: Surface | None = None,
+    python: Sequence[str] = (sys.executable,),
 ) -> tuple[Array, str | None]:
     """Pictures (n, size, size, 3) of uint8, rendered, or drawn where there is no OpenGL, and then the reason.
 
@@ -135,15 +145,16 @@ def pictures(
         q: joint angles (n, 6) [rad].
         tool: poses (n, 7).
         block: poses (n, 7).
+        surface: of a pancake, at these n instants.
         python: starts the interpreter of the child process that renders.
     """
-    images, trouble = render_in_child(scenario, camera, q, block, python)
+    images, trouble = render_in_child(scenario, camera, q, block, surface, python)
     if images is not None:
         return images, None
     from flipdiagram.rendering.sketch import draw_cell
 
     note = f"the motion is drawn, not rendered: {trouble}; {ADVICE}"
-    return draw_cell(scenario, camera.project, camera.size, q, tool, block), note
+    return draw_cell(scenario, camera.project, camera.size, q, tool, block, surface), note
 
 
 def frame_motion(tool: Array, block: Array, scenario: Scenario, size: int) -> Camera:
@@ -185,9 +196,17 @@ def render(scene: Scene, context: Context, camera: Camera) -> Array:
 
 
 def render_in_child(
-    scenario: Scenario, camera: Camera, q: Array, block: Array, python: Sequence[str] = (sys.executable,)
+    scenario: Scenario,
+    camera: Camera,
+    q: Array,
+    block: Array,
+    surface: Surface | None = None,
+    python: Sequence[str] = (sys.executable,),
 ) -> tuple[Array | None, str]:
-    """Renderings (n, size, size, 3) of joint angles q (n, 6) and block poses (n, 7), or None and the reason."""
+    """Renderings (n, size, size, 3) of joint angles q (n, 6) and block poses (n, 7), or None and the reason.
+
+    surface: of a pancake, with its vertices at the n instants.
+    """
     package = str(Path(__file__).resolve().parents[2])
     path = os.pathsep.join([package, *filter(None, [os.environ.get("PYTHONPATH")])])
     with tempfile.TemporaryDirectory() as folder:
@@ -200,6 +219,7 @@ def render_in_child(
             size=camera.size,
             fov_y=camera.fov_y,
             scenario=np.array(scenario.model_dump_json()),
+            **({} if surface is None else surface._asdict()),
         )
         code = (
             f"from flipdiagram.rendering.snapshots import _child; _child({str(task)!r}, {str(result)!r}, {os.getpid()})"
@@ -227,8 +247,11 @@ def _child(task: str, result: str, parent: int) -> None:
         camera = Camera(RigidTransform(data["X_WC"]), int(data["size"]), float(data["fov_y"]))
         add_renderer(scene, camera.size)
         context = scene.context()
+        surface = Surface(*(data[name] for name in Surface._fields)) if Surface._fields[0] in data else None
         images = []
-        for q, block in zip(data["q"], data["block"], strict=True):
+        for k, (q, block) in enumerate(zip(data["q"], data["block"], strict=True)):
             scene.pose(context, q, block)
+            if surface is not None:
+                show_surface(scene, context, surface, surface.vertices[k])
             images.append(render(scene, context, camera))
     np.save(result, np.stack(images))

@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # the command line checks a name before it needs them
     from flipdiagram.rendering.snapshots import Camera
     from flipdiagram.scenario.scenario import Scenario
     from flipdiagram.simulation.course import Happening
+    from flipdiagram.simulation.pancake_surface import Surface
 
 FORMATS = (".gif", ".webp")
 SLOWDOWN, FRAME = 4, 80
@@ -129,13 +130,31 @@ def _films(
 
     moments = [data.sel(time=times, method="nearest") for data in recordings]
     q, tool, block = (np.vstack([at[name].values for at in moments]) for name in ("q", "tool_pose", "block_pose"))
-    new = np.abs(np.diff(np.hstack([q, block]), axis=0, prepend=np.inf)).max(axis=1) > STILL
+    surface = _surfaces(moments)
+    moving = [q, block] if surface is None else [q, surface.vertices.reshape(len(q), -1)]
+    new = np.abs(np.diff(np.hstack(moving), axis=0, prepend=np.inf)).max(axis=1) > STILL
     new[:: len(times)] = True
     with ThreadPoolExecutor() as pool:  # each waits for a child process that renders its share
         shares = np.array_split(np.flatnonzero(new), cpu_count() or 1)
-        taken = list(pool.map(lambda k: pictures(scenario, camera, q[k], tool[k], block[k]), filter(len, shares)))
+        taken = list(
+            pool.map(
+                lambda k: pictures(scenario, camera, q[k], tool[k], block[k], surface and surface.some(k)),
+                filter(len, shares),
+            )
+        )
     images = np.concatenate([share for share, _ in taken])[np.cumsum(new) - 1]
     return np.split(images, len(moments)), next((note for _, note in taken if note), None)
+
+
+def _surfaces(moments: Sequence[xr.Dataset]) -> Surface | None:
+    """Of pancakes, all in one, at the instants of one recording after the other."""
+    from flipdiagram.simulation.pancake_surface import surface_of
+
+    found = [surface.at(data["time"]) for data in moments if (surface := surface_of(data)) is not None]
+    if not found:
+        return None
+    time, vertices = (np.concatenate([surface[k] for surface in found]) for k in (0, 1))
+    return found[0]._replace(time=time, vertices=vertices)
 
 
 def _cell(name: str, data: xr.Dataset, images: Array) -> _Cell:

@@ -19,7 +19,7 @@ def write(tmp_path_factory):
     """Writes a video whose pictures are grey, and counts them."""
     folder, taken = tmp_path_factory.mktemp("video"), []
 
-    def grey(scenario, camera, q, tool, block):
+    def grey(scenario, camera, q, tool, block, surface):
         taken.append(len(q))
         return np.full((len(q), camera.size, camera.size, 3), 128, np.uint8), "only grey"
 
