@@ -3,7 +3,7 @@
 Drake's Meshcat brings viewer and animation; names, what happened, verdicts, keys and a pane for each architecture
 are an HTML overlay of our own (replay_overlay.html), as Meshcat has no text. It needs no network:
 a Content-Security-Policy in the page forbids every request to a server. `replay.html#t=0.3&cell=2` opens stopped at
-0.3 s, at the third cell.
+0.3 s, at the third cell. A pancake bends: the overlay moves its vertices, which Meshcat's animations cannot.
 """
 
 import json
@@ -23,10 +23,12 @@ from flipdiagram.arrays import Array
 from flipdiagram.errors import SimulationError
 from flipdiagram.figures.style import NAMES, style_of
 from flipdiagram.files import write_atomically
+from flipdiagram.rendering.pancake import COLOURS, add_surface, pack
 from flipdiagram.rendering.scene import Scene, build_scene, extent_of_motion
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario
 from flipdiagram.simulation import verdict as verdicts
 from flipdiagram.simulation.course import course, decided_at
+from flipdiagram.simulation.pancake_surface import surface_of
 
 SLOWDOWN = 4.0  # at first
 SPEEDS = (1, 2, 4, 8, 16, 32)  # to choose from: one over the speed
@@ -84,6 +86,7 @@ def replay_html(recordings: Mapping[str, xr.Dataset], scenario: Scenario, verdic
         _animate_bodies(meshcat, animation, scene, root, frames[name], last)
         _animate_force(meshcat, animation, root, frames[name], last)
         cells.append(_describe(name, shown[name], offset, (verdicts or {}).get(name)))
+        cells[-1]["bending"] = _add_pancake(meshcat, root, frames[name])
     meshcat.SetAnimation(animation)
     return _with_overlay(meshcat.StaticHtml(), cells, extent_of_motion(shown.values(), scenario), scenario)
 
@@ -155,6 +158,16 @@ def key_frames(values: Array) -> list[int]:
     return [int(k) for k in np.flatnonzero(needed)]
 
 
+def _add_pancake(meshcat: Meshcat, root: str, frames: xr.Dataset) -> dict[str, Any] | None:
+    """Show a pancake as it is at first; what the overlay needs to bend it, None where the object is rigid."""
+    surface = surface_of(frames)
+    if surface is None:
+        return None
+    surface = surface.at(frames["time"])
+    add_surface(meshcat, root, surface)
+    return {"start_s": float(surface.time[0]), "meshes": list(COLOURS), **pack(surface.vertices)}
+
+
 def _add_paths(meshcat: Meshcat, scenario: Scenario, root: str, name: str, recording: xr.Dataset) -> None:
     """Paths of the control point, planned (black) and real (the architecture's colour), and of the block."""
     moving = recording.sel(time=slice(0.0, None))
@@ -201,6 +214,7 @@ def _with_overlay(html: str, cells: list[dict[str, Any]], extent: tuple[Array, A
         "width": float(high[0] - low[0]),
         "height": float(high[1] - low[1]),
         "scale": METRES_PER_NEWTON,
+        "object": scenario.object.kind,
     }
     overlay = (Path(__file__).parent / "replay_overlay.html").read_text(encoding="utf-8")
     # "<" cannot end the script element then, whatever a name holds

@@ -1,25 +1,15 @@
 """The replay of a real flip in a real browser: it plays, pauses, and the block lies turned over at the end."""
 
-import json
-import re
-import shutil
-import subprocess
-
 import numpy as np
 import pytest
-from conftest import ALTERNATIVES
+from browser import browse, probe
 from ideal import IDEAL
-from patience import HUNG
 
 from flipdiagram.rendering import replay
 from flipdiagram.simulation.course import course
 from flipdiagram.simulation.simulate import simulate
 
 SCENARIO = IDEAL.with_overrides({"simulation.hold_time": 1.0})
-BASE = (
-    "--headless --no-sandbox --disable-gpu --enable-unsafe-swiftshader --disable-quic --no-first-run --disable-sync"
-    " --disable-background-networking --disable-component-update --disable-extensions --window-size=640,360"
-).split()
 # Each key as a user presses it, and the clock of the motion after it; the speed while it plays.
 KEYS = """
 <script>
@@ -82,26 +72,6 @@ def flown():
 @pytest.fixture(scope="module")
 def page(flown):
     return replay.replay_html({"pd+ff+dob": flown}, SCENARIO)
-
-
-def browse(folder, page, *options, at=""):
-    path = folder / "replay.html"
-    path.write_text(page, encoding="utf-8")
-    chromium = next(filter(None, map(shutil.which, ALTERNATIVES["chromium"])))
-    command = [chromium, *BASE, *options, f"--user-data-dir={folder / 'profile'}", f"{path.as_uri()}{at}"]
-    return subprocess.run(command, capture_output=True, timeout=HUNG, text=True)
-
-
-def probe(folder, page, script, *options, at):
-    """What a script that is written into the page leaves in it."""
-    trouble = "<head><script>window.trouble = []; onerror = text => trouble.push(String(text));</script>"
-    probed = page.replace("<head>", trouble, 1).replace("</body>", script + "</body>")
-    done = browse(folder, probed, *options, "--dump-dom", at=at)
-    found = re.search(r'<pre id="probe">(.*?)</pre>', done.stdout)
-    assert found, done.stderr[-2000:]
-    shown = json.loads(found.group(1))
-    assert shown["errors"] == []
-    return shown
 
 
 @pytest.mark.needs("chromium")
