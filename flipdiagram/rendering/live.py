@@ -1,16 +1,26 @@
-"""The flip while it is being simulated, in a browser through Meshcat."""
+"""The flip while it is being simulated, in a browser through Meshcat.
+
+A pancake bends there with every version of Drake: its surface is sent as meshes of our own, coloured as in the replay.
+Drake's visualizer shows deformable bodies since 1.55, in one colour; before, it warns and leaves them out.
+"""
 
 import sys
 import time
 from collections.abc import Callable, Sequence
 
-from pydrake.geometry import Meshcat, MeshcatParams, Rgba, Sphere
+import numpy as np
+from pydrake.geometry import Meshcat, MeshcatParams, Rgba, Role, Sphere
 from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context
 
-from flipdiagram.diagrams.loop import build_loop
+from flipdiagram.diagrams.loop import Loop, build_loop
 from flipdiagram.errors import SimulationError
 from flipdiagram.planning import plan_motion
+from flipdiagram.plants.pancake_cell import PancakeCell
+from flipdiagram.rendering.pancake import add_surface
+from flipdiagram.robot.pancake_mesh import pancake_mesh
 from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.simulation.pancake_surface import surface_over
 from flipdiagram.simulation.simulate import simulate_loop
 from flipdiagram.simulation.verdict import judge
 
@@ -57,19 +67,37 @@ def show_live(
         time.sleep(0.1)
     for name in architectures:
         loop = build_loop(scenario, name, record=True, meshcat=meshcat)
-        pace = _Pace(scenario.simulation.lead_time - HOLD_SHOWN)
+        pace = _Pace(scenario.simulation.lead_time - HOLD_SHOWN, _bending(loop, meshcat))
         flip = simulate_loop(loop, plan, pace=pace)
         success, failure = judge(flip.recording)
         announce(f"{name}: {'turned over' if success else failure}")
 
 
+def _bending(loop: Loop, meshcat: Meshcat) -> Callable[[Context], None]:
+    """What shows a pancake as it is in a context of the loop's diagram, in the place of Drake's own picture of it."""
+    cell = loop.cell
+    if not isinstance(cell, PancakeCell):
+        return lambda context: None
+    mesh = pancake_mesh(loop.scenario.object)
+    geometry = cell.robot.deformable_model().GetGeometryId(cell.pancake)
+    cell.scene_graph.RemoveRole(cell.robot.get_source_id(), geometry, Role.kIllustration)
+    port = cell.recorded["vertices"]
+
+    def show(context: Context) -> None:
+        vertices = port.Eval(port.get_system().GetMyContextFromRoot(context)).reshape(1, -1, 3)
+        add_surface(meshcat, "", surface_over(np.zeros(1), vertices, mesh.tetrahedra, mesh.upper, mesh.lower))
+
+    return show
+
+
 class _Pace:
-    """Progress that holds the simulation back to `SPEED`, from a simulated time on."""
+    """Progress that holds the simulation back to `SPEED`, from a simulated time on, and shows what bends."""
 
-    def __init__(self, start: float) -> None:
-        self.start, self.begin = start, 0.0
+    def __init__(self, start: float, show: Callable[[Context], None]) -> None:
+        self.start, self.begin, self.show = start, 0.0, show
 
-    def __call__(self, simulated: float) -> None:
+    def __call__(self, simulated: float, context: Context) -> None:
+        self.show(context)
         if simulated <= self.start:
             self.begin = time.monotonic()
             return

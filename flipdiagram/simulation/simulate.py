@@ -99,7 +99,7 @@ def simulate_loop(
     loop: Loop,
     plan: Plan | None = None,
     progress: Callable[[float], None] | None = None,
-    pace: Callable[[float], None] | None = None,
+    pace: Callable[[float, Context], None] | None = None,
 ) -> Run:
     """One flip of a loop that was built with record=True, from a context of its own; see `simulate`.
 
@@ -107,7 +107,8 @@ def simulate_loop(
         loop: the loop; it may be simulated again and again.
         plan: the motion to follow.
         progress: called with the fraction done.
-        pace: called with the simulated time [s] every `FRAME`, to hold the simulation back.
+        pace: called with the simulated time [s] and the loop's context every `FRAME`, to hold the simulation back and
+            to show it.
     """
     if not loop.logs or loop.mpc is None:
         raise InputError("loop records nothing; valid is one of build_loop(..., record=True)", field="loop", value=loop)
@@ -128,7 +129,7 @@ def simulate_loop(
         if progress is not None:
             progress(until / end)
         if pace is not None:
-            pace(until)
+            pace(until, context)
         later = end_of(scenario, loop.mpc.followed(mine) or plan)
         end = later if later > end + ROUNDING else end  # a plan made again may take longer
     elapsed = time.perf_counter() - begin
