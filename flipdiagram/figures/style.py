@@ -43,6 +43,8 @@ STYLES = {
     "pd+dob": Style("#0072B2", (0, (5, 1.5)), 2.6),
     "pd+ff+dob": Style("#009E73", "-", 2.5, 1.9),
 }
+OTHER = Style("#56B4E9", "-", 2.5, 1.6)
+"""An architecture of the user's own."""
 NAMES = {"command": "command", "pd": "PD", "pd+ff": "PD + FF", "pd+dob": "PD + DOB", "pd+ff+dob": "PD + FF + DOB"}
 WITH_OBSERVER = ("pd+dob", "pd+ff+dob")
 LABELS = {

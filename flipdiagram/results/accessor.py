@@ -11,6 +11,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from flipdiagram.errors import InputError
+from flipdiagram.figures.deformation import plot_deformation
 from flipdiagram.files import atomic_path
 from flipdiagram.results import plots
 from flipdiagram.results.signals import components
@@ -46,6 +47,15 @@ class FlipAccessor:
     def margins(self, ax: Sequence[Axes] | None = None) -> Sequence[Axes]:
         """Cone use [1], centre of pressure [mm], normal force [N], slip [mm] while carried, planned and realised."""
         return plots.plot_margins(check_recording(self._data), ax)
+
+    def deformation(self, ax: Sequence[Axes] | None = None) -> Sequence[Axes]:
+        """How a pancake bent, in six panels: energy [mJ], contact with blade and table [cm²], overhang [%] over time,
+        and its section along the middle, the outline [m] and the deflection [mm], from release to landing.
+
+        InputError where the recording is of a rigid block.
+        """
+        data = check_recording(self._data)
+        return plot_deformation({data.attrs["architecture"]: data}, ax)
 
     def metrics(self) -> FlipMetrics | PlaceMetrics:
         """What `flipdiagram flip` measures of the recording, or `flipdiagram place` where that recorded it."""

@@ -9,12 +9,10 @@ from matplotlib.axes import Axes
 
 from flipdiagram.errors import InputError
 from flipdiagram.figures.motion import dropped_at, finish_path
-from flipdiagram.figures.style import GUIDE, LABELS, MARK, NAMES, STYLES, Style, finish, new_axes
+from flipdiagram.figures.style import GUIDE, LABELS, MARK, NAMES, OTHER, STYLES, finish, new_axes
 from flipdiagram.results.signals import components, pretty, scenario_fields
 from flipdiagram.simulation.events import release_index, touchdown, touching
 
-OTHER = Style("#56B4E9", "-", 2.5, 1.6)
-"""An architecture of the user's own."""
 FLIGHT = "#CC79A7"
 """The block's own colour, as in the figure of the plan."""
 BEFORE, AFTER = 0.05, 0.15

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from flipdiagram.figures import motion
+from flipdiagram.figures.deformation import plot_deformation
 from flipdiagram.figures.style import save
 from flipdiagram.flips.workers import Workers
 from flipdiagram.planning import Plan
@@ -14,6 +15,7 @@ from flipdiagram.rendering.replay import write_replay
 from flipdiagram.rendering.snapshots import take_snapshots
 from flipdiagram.rendering.video import write_video
 from flipdiagram.scenario.scenario import ARCHITECTURES, Scenario, from_mapping
+from flipdiagram.simulation.deformation import bends
 from flipdiagram.simulation.recording import Recording
 from flipdiagram.simulation.recording_files import load_recording
 from flipdiagram.studies.study import Progress, Summary, silent
@@ -79,6 +81,8 @@ def _plots(recordings: dict[str, Recording], out: Path) -> None:
     _save(motion.plot_torques(recordings), out / "torques")
     if any("replanned" in recording for recording in recordings.values()):
         _save(motion.plot_replanning(recordings), out / "replanning")
+    if any(bends(recording) for recording in recordings.values()):
+        _save(plot_deformation(recordings), out / "deformation")
 
 
 def _save(axes: object, path: Path) -> None:
