@@ -16,8 +16,8 @@ from flipdiagram.campaign.specification_file import MOST_TRIALS, VARY, Seed, Sou
 from flipdiagram.scenario.scenario import ARCHITECTURES, Architecture, Scenario, field_paths
 from flipdiagram.scenario.text import Section, unknown_field
 
-SECTIONS = ("controller", "planner")
-"""Where gains and margins stand."""
+SECTIONS = ("controller", "planner", "tool")
+"""Where stands what one may choose: gains, margins, the blade."""
 Metric = Literal["position_rmse_m", "angle_rmse_rad", "acceleration_rmse_m_s2", "max_slip_m"]
 FAILED = 10.0
 """Counted as the error of a flip that failed: more than any that succeeds."""
@@ -113,7 +113,7 @@ def _over(source: Source, campaign: Specification, data: Mapping[str, Any]) -> d
         if key not in field_paths():
             raise source.error(path, str(unknown_field(Scenario, key)))
         if key.split(".")[0] not in SECTIONS:
-            raise source.error(path, f"{key} cannot be chosen; valid are fields of {' and '.join(SECTIONS)}")
+            raise source.error(path, f"{key} cannot be chosen; valid are fields of {', '.join(SECTIONS)}")
         if key in varied:
             raise source.error(path, f"{key} is uncertain in `vary`; valid is one of the two")
         with source.located(path, f"{key}: "):

@@ -233,3 +233,5 @@ def test_the_examples_are_valid():
     assert load_specification(examples / "campaign.yaml").rows == 256
     found, wanted = load_tuning(examples / "tuning.yaml")
     assert found.trials == 16 and wanted.budget == 320 and len(wanted.over) == 5
+    pancakes, margins = load_tuning(examples / "pancake" / "margins.yaml")
+    assert pancakes.base.object.kind == "pancake" and "tool.blade_length" in margins.over
