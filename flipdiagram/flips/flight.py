@@ -29,6 +29,7 @@ from flipdiagram.planning.replanner import Replanner
 from flipdiagram.robot.parts import arm_of
 from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.simulation import metrics
+from flipdiagram.simulation.bending import bending
 from flipdiagram.simulation.recording_files import save_recording
 from flipdiagram.simulation.replans import replans
 from flipdiagram.simulation.simulate import Run, simulate
@@ -155,8 +156,10 @@ def fly(
     if recording is not None:
         save_recording(run.recording, measured, recording, Flip(scenario, architecture).key)
     torque_use = float(np.max(np.array(measured.max_torque_Nm) / run.recording["tau"].attrs["limit"]))
-    again = replans(run.recording)
+    again, bent = replans(run.recording), bending(run.recording)
     planned = plan.summary() | ({} if again is None else {"replanning": again})
+    if bent is not None:
+        planned["bending"] = bent | {"real_time_factor": run.real_time_factor}
     return Outcome(measured, measured.failure, planned, torque_use)
 
 

@@ -29,8 +29,8 @@ Item = Number | str | bool | None
 class Row:
     """One flip that has ended; the mappings are plain data.
 
-    Seconds, host, attempts and finished tell how it came about, as the plan's `solve_time_s` does; the others do not
-    depend on workers, their number or their order.
+    Seconds, host, attempts and finished tell how it came about, as the plan's `solve_time_s` and a pancake's
+    `real_time_factor` do; the others do not depend on workers, their number or their order.
     """
 
     trial: Annotated[int, Field(ge=0)] | str

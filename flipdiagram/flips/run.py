@@ -1,7 +1,7 @@
 """Flips of a study: planned once per motion, flown once per question, kept as they end in `runs.sqlite`."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,19 +20,26 @@ from flipdiagram.simulation.recording_files import recording_key
 LEAST_TIMEOUT, PACE = 300.0, 300.0
 """A flip is given up after so long [s], and so many times its simulated time at a step of 1 ms; it needs one."""
 WORK = Work(plan_flight, fly_flight)
+FILE, MARK = "runs.sqlite", {"digest": "flips of studies"}
+"""The store of a study, and what it begins with."""
 
 Progress = Callable[[str], None]
 
 
 def run_flips(
-    flips: Sequence[Flip], out: Path, *, jobs: int | None = None, progress: Progress = lambda text: None
+    flips: Sequence[Flip],
+    out: Path,
+    *,
+    jobs: int | None = None,
+    progress: Progress = lambda text: None,
+    work: Work = WORK,
 ) -> list[Outcome]:
     """The outcomes of the flips, in their order; only those that `out`/runs.sqlite does not hold are flown.
 
     Each is kept as soon as it ends, so nothing finished is lost when the run is interrupted.  Raises SimulationError
     for a flip that took too long or whose worker was lost again and again: another call flies that one alone.
     """
-    with open_to_write(out / "runs.sqlite", {"digest": "flips of studies"}) as store:
+    with open_to_write(out / FILE, MARK) as store:
         missing = {flip.key: flip for flip in flips if not is_done(flip, store, out)}
         if missing:
             progress(f"{len(flips)} flips, {len(missing)} of them to be run")
@@ -40,8 +47,8 @@ def run_flips(
                 store.forget(key, flip.architecture)
             with Workers(jobs) as workers:
                 flights = [_flight(key, flip, out) for key, flip in missing.items()]
-                limits = Limits(max(map(_timeout, missing.values())), MEMORY)
-                flying = Flying(workers, store, WORK, limits, Clock(len(missing), progress).tick)
+                limits = limits_of(missing.values())
+                flying = Flying(workers, store, work, limits, Clock(len(missing), progress).tick)
                 fly_all(flights, len(flights), flying)
         outcomes = [_kept(store, flip.key, flip.architecture) for flip in flips]
     for outcome in outcomes:
@@ -52,13 +59,14 @@ def run_flips(
 
 
 def fly_kept(
-    flights: Sequence[Flight], flying: Flying, told: Callable[[int], object] = lambda missing: None
+    flights: Sequence[Flight], flying: Flying, told: Callable[[int], object] = lambda missing: None, how: str = ""
 ) -> list[Outcome]:
     """What became of flights, in their order; only those whose question the store does not hold are flown.
 
-    told: how many those are.  A question is the true scenario, the architecture and the motion.
+    told: how many those are.  A question is the true scenario, the architecture, the motion, and how it is answered
+    where that is not by flying it.
     """
-    keys = [f"{Flip(flight.truth, flight.architecture).key} {flight.plan_key}" for flight in flights]
+    keys = [f"{Flip(flight.truth, flight.architecture).key} {flight.plan_key} {how}".rstrip() for flight in flights]
     missing = {
         key: replace(flight, trial=key)
         for key, flight in zip(keys, flights, strict=True)
@@ -87,6 +95,11 @@ def is_done(flip: Flip, store: Store, out: Path) -> bool:
 def _flight(key: str, flip: Flip, out: Path) -> Flight:
     recording = None if flip.recording is None else (out / flip.recording).absolute()
     return Flight(key, flip.scenario, flip.scenario, flip.architecture, recording=recording)
+
+
+def limits_of(flips: Iterable[Flip]) -> Limits:
+    """What each of them may take, the longest one's time."""
+    return Limits(max(map(_timeout, flips)), MEMORY)
 
 
 def _timeout(flip: Flip) -> float:

@@ -65,9 +65,10 @@ def open_result(path: AnyPath) -> Result:
 
     A recording or frequency.nc: its Dataset.  plan.json, and the summary.json of `flipdiagram plan`: the Plan.
     summary.json of turnover and place: Dataset over (architecture, joint); experiment: (architecture, start_y);
-    replanning: (case, way, architecture); report: claims; borders: a Dataset by map name, over the architecture and
-    the map's two axes; frequency: a Dataset by figure, '5' … '10', over (curve, omega); beside these 'variations' and
-    'claims'; campaign: rates by architecture, 'pairs' and 'quantiles'; tuning.json: 'rates' and 'gains'.
+    replanning: (case, way, architecture); pancake: 'runs' and 'second_engine', each over (architecture, thickness,
+    friction, modulus); report: claims; borders: a Dataset by map name, over the architecture and the map's two axes;
+    frequency: a Dataset by figure, '5' … '10', over (curve, omega); beside these 'variations' and 'claims';
+    campaign: rates by architecture, 'pairs' and 'quantiles'; tuning.json: 'rates' and 'gains'.
     campaign.sqlite and what --export wrote: the flips over (trial, architecture).  Units stand in attrs["units"].
     A folder: its summary.json, else tuning.json, plan.json, frequency.nc, campaign.sqlite, or its only recording.
 

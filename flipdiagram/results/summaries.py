@@ -2,20 +2,16 @@
 
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from flipdiagram.grid import unit_of
 from flipdiagram.planning.plan import Plan
-from flipdiagram.simulation.recording_files import load_recording
+from flipdiagram.results.rows import head_of, runs_of, table_of
 from flipdiagram.studies.study import Summary
-
-OMITTED = ("start_y_m", "plan", "touchdown", "replanning")
-"""Entries of a run that are coordinates, the same for all architectures, or spread out."""
 
 
 def plan(summary: Summary, folder: Path) -> Plan:
@@ -26,7 +22,7 @@ def plan(summary: Summary, folder: Path) -> Plan:
 def turnover(summary: Summary, folder: Path) -> xr.Dataset:
     """The runs over (architecture, joint); the plan's numbers as attributes `plan_…`."""
     files = (folder / str(run.get("recording")) for run in summary["runs"])
-    data = _runs(summary, ["architecture"], files)
+    data = runs_of(summary, ["architecture"], files)
     numbers = {f"plan_{name}": v for name, v in summary["plan"].items() if isinstance(v, int | float | str)}
     return data.assign_attrs(numbers)
 
@@ -41,7 +37,7 @@ def experiment(summary: Summary, folder: Path) -> xr.Dataset:
     from flipdiagram.studies.experiment.run import recording_name  # brings half of Drake, as no other study does
 
     files = (folder / recording_name(run["start_y_m"], run["architecture"]) for run in summary["runs"])
-    data = _runs(summary, ["architecture", "start_y_m"], files).rename(start_y_m="start_y")
+    data = runs_of(summary, ["architecture", "start_y_m"], files).rename(start_y_m="start_y")
     data["start_y"].attrs["units"] = "m"
     judged = claims(summary["claims"]).rename({name: f"claim_{name}" for name in ("holds", "text", "measured")})
     return xr.merge([data, judged], join="outer", compat="no_conflicts").assign_attrs(data.attrs)
@@ -49,21 +45,43 @@ def experiment(summary: Summary, folder: Path) -> xr.Dataset:
 
 def replanning(summary: Summary, folder: Path) -> xr.Dataset:
     """The runs over (case, way, architecture, joint); of random worlds `world_turned_over` and rate with interval."""
-    data, kept = _runs(summary, ["case", "way", "architecture"]), ("turned_over", "rate", "low", "high")
+    data, kept = runs_of(summary, ["case", "way", "architecture"]), ("turned_over", "rate", "low", "high")
     dims = ["way", "architecture"]
     rows = [{name: entry[name] for name in (*dims, *kept)} for entry in summary["worlds"]["entries"]]
-    worlds = _table(rows, dims).rename({name: f"world_{name}" for name in kept}) if rows else xr.Dataset()
+    worlds = table_of(rows, dims).rename({name: f"world_{name}" for name in kept}) if rows else xr.Dataset()
     return xr.merge([data, worlds], join="outer", compat="no_conflicts").assign_attrs(data.attrs)
+
+
+def pancake(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
+    """The 'runs' over (architecture, thickness, friction, youngs_modulus, joint); where there is a second engine,
+    'second_engine' over the same four: whether each engine says turned over, and MuJoCo's numbers less Drake's."""
+    axes = {"thickness_m": "m", "friction": "1", "youngs_modulus_Pa": "Pa"}
+    dims, parts = ["architecture", *axes], {}
+    parts["runs"] = runs_of(summary, dims, (folder / str(run.get("recording")) for run in summary["runs"]))
+    if rows := summary["second_engine"]:
+        told = [
+            {dim: row[dim] for dim in dims}
+            | {engine: row[engine]["success"] for engine in ("drake", "mujoco")}
+            | {f"difference_{name}": value for name, value in row["difference"].items()}
+            for row in rows
+        ]
+        parts["second_engine"] = table_of(told, dims).assign_attrs(head_of(summary))
+    for data in parts.values():
+        for axis, unit in axes.items():
+            data[axis].attrs["units"] = unit
+    if (energy := parts["runs"].get("largest_deformation_energy_J")) is not None:
+        energy.attrs["units"] = "J"
+    return parts
 
 
 def engines(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
     """'agreement' by architecture: flips, those with equal verdicts, share and interval; 'parameters' by name."""
     kept = ("counted", "equal", "rate", "low", "high")
     rows = [{"architecture": k, **{name: e[name] for name in kept}} for k, e in summary["architectures"].items()]
-    parts = {"agreement": _table(rows, ["architecture"])}
+    parts = {"agreement": table_of(rows, ["architecture"])}
     if summary["parameters"]:
-        parts["parameters"] = _table([dict(row) for row in summary["parameters"]], ["name"])
-    return {name: data.assign_attrs(_head(summary)) for name, data in parts.items()}
+        parts["parameters"] = table_of([dict(row) for row in summary["parameters"]], ["name"])
+    return {name: data.assign_attrs(head_of(summary)) for name, data in parts.items()}
 
 
 def calibrate(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
@@ -80,28 +98,28 @@ def calibrate(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
     shares = [{k: row[k] for k in ("id", "prior", "posterior")} for row in summary["claim_shares"]]
     draws, names = summary["draws"], [entry["name"] for entry in summary["unknowns"]]
     parts = {
-        "predictions": _table(rows, ["name"]),
-        "scenarios": _table(named, ["name", "scenario"]),
-        "claims": _table(shares, ["id"]),
+        "predictions": table_of(rows, ["name"]),
+        "scenarios": table_of(named, ["name", "scenario"]),
+        "claims": table_of(shares, ["id"]),
         "draws": xr.Dataset(
             {"u": (("draw", "unknown"), np.array(draws["u"]).reshape(-1, len(names)), {"units": "1"})},
             coords={"unknown": names, "weight": ("draw", np.array(draws["weight"]), {"units": "1"})},
         ),
     }
-    return {name: data.assign_attrs(_head(summary)) for name, data in parts.items()}
+    return {name: data.assign_attrs(head_of(summary)) for name, data in parts.items()}
 
 
 def inverse(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
     """'stages' by controller: worlds flown, and those that went as E1 tells."""
     rows = [{name: stage[name] for name in ("architecture", "flown", "went")} for stage in summary["stages"]]
-    return {"stages": _table(rows, ["architecture"]).assign_attrs(_head(summary), found=summary["found"])}
+    return {"stages": table_of(rows, ["architecture"]).assign_attrs(head_of(summary), found=summary["found"])}
 
 
 def challenge(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
     """'scores' of one entry, or of all of a leaderboard, by (entry, kind, suite, engine): counts, rate, medians."""
     scores = [(entry["entry"]["name"], row) for entry in summary.get("entries", [summary]) for row in entry["scores"]]
     rows = [{"entry": name, **{key: value for key, value in row.items() if key != "modes"}} for name, row in scores]
-    return {"scores": _table(rows, ["entry", "kind", "suite", "engine"]).assign_attrs(_head(summary))}
+    return {"scores": table_of(rows, ["entry", "kind", "suite", "engine"]).assign_attrs(head_of(summary))}
 
 
 def campaign(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
@@ -111,9 +129,9 @@ def campaign(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
     """
     entries = summary["architectures"]
     rates = [{"architecture": name, **_counted(entry)} for name, entry in entries.items()]
-    parts = {"rates": _table(rates, ["architecture"])}
+    parts = {"rates": table_of(rates, ["architecture"])}
     if pairs := summary["pairs"]:
-        parts["pairs"] = _table([{"pair": f"{pair['first']} - {pair['second']}", **pair} for pair in pairs], ["pair"])
+        parts["pairs"] = table_of([{"pair": f"{pair['first']} - {pair['second']}", **pair} for pair in pairs], ["pair"])
     quantiles = [
         {"architecture": name, "level": float(level), metric: value}
         for name, entry in entries.items()
@@ -121,8 +139,8 @@ def campaign(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
         for level, value in (values or {}).items()
     ]
     if quantiles:
-        parts["quantiles"] = _table(quantiles, ["architecture", "level"]).reindex(architecture=list(entries))
-    return {name: data.assign_attrs(_head(summary)) for name, data in parts.items()}
+        parts["quantiles"] = table_of(quantiles, ["architecture", "level"]).reindex(architecture=list(entries))
+    return {name: data.assign_attrs(head_of(summary)) for name, data in parts.items()}
 
 
 def tuning(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
@@ -134,8 +152,8 @@ def tuning(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
         gains += [{"field": field, "gains": side, "value": entry[side]} for field, entry in summary["gains"].items()]
     difference = {f"held_out_{name}": value for name, value in summary["held_out"]["difference"].items()}
     return {
-        "rates": _table(rates, ["trials", "gains"]).assign_attrs(_head(summary) | difference),
-        "gains": _table(gains, ["field", "gains"]).assign_attrs(_head(summary)),
+        "rates": table_of(rates, ["trials", "gains"]).assign_attrs(head_of(summary) | difference),
+        "gains": table_of(gains, ["field", "gains"]).assign_attrs(head_of(summary)),
     }
 
 
@@ -147,12 +165,12 @@ def _counted(entry: Mapping[str, Any]) -> dict[str, Any]:
 
 def borders(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
     """Each map over (architecture, its y, its x), by name; the table of solvers and estimates as 'variations'."""
-    parts = {a_map["name"]: _map(a_map).assign_attrs(_head(summary)) for a_map in summary["maps"]}
+    parts = {a_map["name"]: _map(a_map).assign_attrs(head_of(summary)) for a_map in summary["maps"]}
     if rows := summary["variations"]:
         runs = [{"architecture": k, "variation": row["name"], **run} for row in rows for k, run in row["runs"].items()]
-        data = _table(runs, ["architecture", "variation"])
+        data = table_of(runs, ["architecture", "variation"])
         groups = ("variation", [row["group"] for row in rows])
-        parts["variations"] = data.assign_coords(group=groups).assign_attrs(_head(summary))
+        parts["variations"] = data.assign_coords(group=groups).assign_attrs(head_of(summary))
     return parts
 
 
@@ -161,7 +179,7 @@ def frequency(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
     parts = {}
     for figure in dict.fromkeys(curve["figure"] for curve in summary["curves"]):
         curves = [curve for curve in summary["curves"] if curve["figure"] == figure]
-        parts[figure] = _curves(curves).assign_attrs({**_head(summary), "figure": figure})
+        parts[figure] = _curves(curves).assign_attrs({**head_of(summary), "figure": figure})
     torques = [
         {"architecture": row["architecture"], "omega": row["omega_rad_s"], "g_dis": g}
         | {"max_torque_N": torque, "theory_N": exact}
@@ -169,15 +187,15 @@ def frequency(summary: Summary, folder: Path) -> dict[str, xr.Dataset]:
         for g, torque, exact in zip(row["g_dis_rad_s"], row["max_torque_N"], row["theory"], strict=True)
     ]
     if torques:
-        data = _in_rad_s(_table(torques, ["architecture", "omega", "g_dis"]))
-        parts["9"] = data.assign_attrs({**_head(summary), "figure": "9"})
-    parts["claims"] = claims(summary["claims"]).assign_attrs(_head(summary))
+        data = _in_rad_s(table_of(torques, ["architecture", "omega", "g_dis"]))
+        parts["9"] = data.assign_attrs({**head_of(summary), "figure": "9"})
+    parts["claims"] = claims(summary["claims"]).assign_attrs(head_of(summary))
     return parts
 
 
 def report(summary: Summary, folder: Path) -> xr.Dataset:
     """Every claim of the report over `claim`."""
-    return claims(summary["claims"]).assign_attrs(_head(summary))
+    return claims(summary["claims"]).assign_attrs(head_of(summary))
 
 
 def claims(rows: Sequence[Mapping[str, Any]]) -> xr.Dataset:
@@ -192,62 +210,6 @@ def claims(rows: Sequence[Mapping[str, Any]]) -> xr.Dataset:
     )
 
 
-def _head(summary: Summary) -> dict[str, Any]:
-    versions = {f"{name}_version": str(text) for name, text in summary["versions"].items()}
-    return {"schema": summary["schema"], **versions, "scenario": json.dumps(summary["scenario"])}
-
-
-def _runs(summary: Summary, dims: Sequence[str], files: Iterable[Path] = ()) -> xr.Dataset:
-    """The runs over the entries that tell them apart; each touch-down, and what was planned again, spread out."""
-    runs = []
-    for run in summary["runs"]:
-        kept = {name: value for name, value in run.items() if name in dims or name not in OMITTED}
-        kept |= run.get("replanning") or {}
-        if "touchdown_time_s" not in run:
-            landed = run.get("touchdown") or {}
-            kept |= {f"touchdown_{name}": landed.get(name) for name in ("time_s", "y_m", "z_m", "theta_rad")}
-        runs.append(kept)
-    return _table(runs, dims, files).assign_attrs(_head(summary))
-
-
-def _table(rows: Sequence[Mapping[str, Any]], dims: Sequence[str], files: Iterable[Path] = ()) -> xr.Dataset:
-    """Rows over the entries that tell them apart as arrays: numbers with nan, texts with '', yes and no as bool.
-
-    A list is spread over `joint`, whose names the first recording that exists gives.
-    """
-    coords: dict[str, list[Any]] = {dim: list(dict.fromkeys(row[dim] for row in rows)) for dim in dims}
-    shape = tuple(map(len, coords.values()))
-    variables: dict[str, Any] = {}
-    width = 0
-    for name in dict.fromkeys(name for row in rows for name in row if name not in coords):
-        values = [row[name] for row in rows if row.get(name) is not None]
-        units = {"units": unit_of(name)}
-        if values and isinstance(values[0], list):
-            width = len(values[0])
-            variables[name] = ((*dims, "joint"), np.full((*shape, width), np.nan), units)
-        elif values and all(isinstance(value, bool) for value in values):
-            variables[name] = (dims, np.zeros(shape, dtype=bool), {})
-        elif name == "failure" or (values and all(isinstance(value, str) for value in values)):
-            variables[name] = (dims, np.full(shape, "", dtype=object), {})
-        else:
-            variables[name] = (dims, np.full(shape, np.nan), units)
-    for row in rows:
-        at = tuple(labels.index(row[dim]) for dim, labels in coords.items())
-        for name, (_, array, _) in variables.items():
-            if row.get(name) is not None:
-                array[at] = row[name]
-    joints = {"joint": _joints(files, width)} if width else {}
-    return xr.Dataset(variables, coords={**coords, **joints})
-
-
-def _joints(files: Iterable[Path], count: int) -> list[str]:
-    """Names of the joints as a recording has them, else their numbers: summary.json does not tell."""
-    for file in files:
-        if file.is_file():
-            return [str(name) for name in load_recording(file)["joint"].values]
-    return [str(k + 1) for k in range(count)]
-
-
 def _map(a_map: Mapping[str, Any]) -> xr.Dataset:
     (x, x_values, x_unit), (y, y_values, y_unit) = _axis(a_map["x"]), _axis(a_map["y"])
     cells = [
@@ -256,7 +218,7 @@ def _map(a_map: Mapping[str, Any]) -> xr.Dataset:
         for j, y_value in enumerate(y_values)
         for i, x_value in enumerate(x_values)
     ]
-    data = _table(cells, ["architecture", y, x])
+    data = table_of(cells, ["architecture", y, x])
     data[x].attrs.update(units=x_unit, long_name=a_map["x"]["label"])
     data[y].attrs.update(units=y_unit, long_name=a_map["y"]["label"])
     return data.assign_attrs(title=a_map["title"], question=a_map["question"])

@@ -78,6 +78,17 @@ _RECORDS = (
         JOBS,
     ),
     _study(
+        "pancake",
+        "Map where the rigid plan stops working for a pancake that bends.",
+        ARCHITECTURE,
+        Option("--moduli", nargs="+", type=float, metavar="PA", help="Young's moduli [Pa] (1e4 5e4 2e5 1e6)"),
+        Option("--frictions", nargs="+", type=float, metavar="MU", help="friction coefficients (0.3 0.45 0.6 1.0)"),
+        Option("--thicknesses", nargs="+", type=float, metavar="M", help="thicknesses [m] (the scenario's)"),
+        flag("--quick", "two by two pancakes only, of the coarsest mesh"),
+        JOBS,
+        success=("pancake", "turned over"),
+    ),
+    _study(
         "calibrate",
         "Find the worlds that explain what the paper measured.",
         Option("file", nargs="?", metavar="FILE", help="priors as YAML, see examples/calibration.yaml"),

@@ -106,7 +106,7 @@ def test_options_win_over_the_file_and_the_file_over_the_defaults(in_process, tm
 BAD = {
     "no command": (
         [],
-        "plan, flip, frequency, experiment, borders, replanning, engines, calibrate, inverse, place, campaign, "
+        "plan, flip, frequency, experiment, borders, replanning, engines, pancake, calibrate, inverse, place, campaign, "
         "challenge, report, diagram, arm, info, scenario, completion",
     ),
     "unknown command": (["flap"], "'flap'", "'flip'"),

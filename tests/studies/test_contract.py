@@ -25,13 +25,13 @@ from flipdiagram.studies.study import Later
 HEAVY = ("pydrake", "matplotlib", "rich", "xarray", "pandas", "numba", "scipy")
 RECORDED = sorted(STUDIES.keys() - {"plan"})
 WORDS = {"place": "object", "report": None, "frequency": None, "borders": None}
-WORDS |= dict.fromkeys(("engines", "calibrate", "inverse", "challenge", "leaderboard"))
+WORDS |= {"pancake": "pancake"} | dict.fromkeys(("engines", "calibrate", "inverse", "challenge", "leaderboard"))
 """What is judged, run by run; None where claims or maps are counted instead."""
 
 
 def test_the_registry_is_the_list_of_the_issue():
     names = ["plan", "turnover", "frequency", "experiment", "borders", "replanning"]
-    names += ["engines", "calibrate", "inverse", "place", "campaign", "tuning"]
+    names += ["engines", "pancake", "calibrate", "inverse", "place", "campaign", "tuning"]
     names += ["challenge", "leaderboard"]
     assert list(STUDIES) == [*names, "report"]
     assert list(STUDY_COMMANDS) == list(COMMANDS[: len(STUDY_COMMANDS)])
@@ -130,10 +130,10 @@ def test_info_judges_a_result_by_its_kind(name, tmp_path, capsys):
     rows = dict(info(path).rows)
     assert rows["kind"] == name and rows["schema"] == STUDIES[name].schema and "drake" in rows["versions"]
     what = WORDS.get(name, "block")
-    judged = {label: text for label, text in rows.items() if label.startswith(("block, ", "object, "))}
+    judged = {label: text for label, text in rows.items() if label.startswith(("block, ", "object, ", "pancake, "))}
     assert all(label.startswith(f"{what}, ") for label in judged) and bool(judged) == (what is not None)
     words = " ".join(judged.values())
-    assert ("laid down" in words) == (name == "place") and ("turned over" in words) == (what == "block")
+    assert ("laid down" in words) == (name == "place") and ("turned over" in words) == (what in ("block", "pancake"))
 
 
 def test_info_of_a_placement_says_why(tmp_path):
