@@ -15,7 +15,7 @@ from flipdiagram.blocks.block import Block
 from flipdiagram.errors import SimulationError
 from flipdiagram.plants.cell import ContactForces, DrakeCell, plant_config, wired
 from flipdiagram.plants.handle import Rest, add_model, block_on_blade, rest_by_default
-from flipdiagram.plants.pancake import add_pancake, rest_shape
+from flipdiagram.plants.pancake import add_carrier, add_pancake, let_carry, rest_shape
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.pancake_mesh import PancakeMesh, pancake_mesh
 from flipdiagram.robot.parts import Parts, Surroundings, add_surroundings
@@ -156,12 +156,14 @@ def add_pancake_cell(
     around = add_surroundings(robot, scenario)
     default = plant.CreateDefaultContext()
     X_WB = plant.GetFreeBodyPose(default, parts.block)
+    mesh, blade, table = pancake_mesh(scenario.object), around.arm.spatula_body, around.table
+    carrier = add_carrier(robot, blade, around.arm.tool, scenario)
     pancake = add_pancake(robot, scenario, X_WB)
     robot.Finalize()
+    let_carry(scene_graph, robot, pancake, carrier, blade)
     for moving, still in _same_models(around, parts):
         robot.SetDefaultPositions(moving, plant.GetPositions(default, still))
     geometry = robot.deformable_model().GetGeometryId(pancake)
-    mesh, blade, table = pancake_mesh(scenario.object), around.arm.spatula_body, around.table
     mass = scenario.object.mass * scenario.disturbance.object_mass_scale
     surfaces = robot.GetCollisionGeometriesForBody(blade), robot.GetCollisionGeometriesForBody(table)
     initial = (X_WB @ mesh.vertices.T).T

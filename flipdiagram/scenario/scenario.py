@@ -208,7 +208,7 @@ class Scenario(Section):
 
     def changes(self) -> dict[str, Any]:
         """The fields that are not at the defaults of their kind of object, by path: what `with_overrides` takes."""
-        of = {"object.kind": self.object.kind} if self.object.kind != Scenario().object.kind else {}
+        of: dict[str, Any] = {"object.kind": self.object.kind} if self.object.kind != Scenario().object.kind else {}
         if of and self.object.diameter is None:
             of["object.diameter"] = None  # other edges are the default of a box than of a disc
         default = override(Scenario, dict.fromkeys(Scenario.model_fields, {}), of)
