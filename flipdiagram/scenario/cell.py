@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from flipdiagram.scenario.pancake import PANCAKE
 from flipdiagram.scenario.text import Section, invalid, quantity
 
 OWN_ARM = ("home", "torque_limits", "speed_limits", "reflected_inertia", "gear_ratios")
@@ -23,12 +24,6 @@ Inertia = Annotated[float, Field(ge=1e-7, le=1e4)]
 Position = Annotated[float, Field(ge=-10, le=10)]
 MOST_VERTICES = 1500
 """Of a pancake's mesh; with 243 a step takes 25 to 30 ms."""
-PANCAKE: dict[str, dict[str, Any]] = {
-    "object": {"diameter": 0.12, "thickness": 0.012, "mass": 0.1, "friction": 0.6},
-    "tool": {"blade_length": 0.13, "blade_width": 0.13},
-    "simulation": {"contact_approximation": "sap"},
-}
-"""Defaults where the object is a pancake: one like an okonomiyaki for one person, and a blade that it fits."""
 
 
 class Arm(Section):

@@ -22,10 +22,11 @@ from pydantic import Field, model_validator
 
 from flipdiagram.files import read_text
 from flipdiagram.grid import Grid
-from flipdiagram.scenario.cell import JOINTS, PANCAKE, Arm, Disturbance, Inertia, JointFriction, Object, Table, Tool
+from flipdiagram.scenario.cell import JOINTS, Arm, Disturbance, Inertia, JointFriction, Object, Table, Tool
 from flipdiagram.scenario.joints import Drive, Joints, Sensors
 from flipdiagram.scenario.motion import Planner, Task
 from flipdiagram.scenario.one_dof import Frequency, OneDof, check_nyquist
+from flipdiagram.scenario.pancake import check_pancake, kind_in, with_defaults
 from flipdiagram.scenario.place import Place
 from flipdiagram.scenario.text import Section, dump, fields_of, invalid, override, quantity, spans_of, unit_of, validate
 from flipdiagram.scenario.yaml_reader import read_mapping, show
@@ -146,12 +147,7 @@ class Scenario(Section):
     @model_validator(mode="before")
     @classmethod
     def _defaults_of_a_pancake(cls, data: Any) -> Any:
-        if isinstance(data, Mapping) and kind_in(data) == "pancake":
-            data = dict(data)
-            for section, fields in PANCAKE.items():
-                if section != "object" and isinstance(given := data.get(section, {}), Mapping):
-                    data[section] = {**fields, **given}
-        return data
+        return with_defaults(data) if isinstance(data, Mapping) and kind_in(data) == "pancake" else data
 
     @property
     def encoder_bits(self) -> int:
@@ -174,26 +170,13 @@ class Scenario(Section):
             valid = f"controller.period = {self.controller.period} [s] divided by 1, 2, 4, 8, …"
             raise invalid("simulation.step", self.simulation.step, valid)
         if self.object.kind == "pancake":
-            self._check_pancake()
+            check_pancake(self.object, self.tool, self.simulation)
             return self
         for edge, side in (("length", "blade_width"), ("width", "blade_length")):
             most = getattr(self.tool, side)
             if getattr(self.object, edge) > most:
                 raise invalid(f"object.{edge}", getattr(self.object, edge), f"at most tool.{side} = {most} [m]")
         return self
-
-    def _check_pancake(self) -> None:
-        """A pancake may hang over the blade, but not reach the flange; Drake alone moves it, by its SAP solver."""
-        settings, size = self.simulation, self.object
-        if size.width / 2 >= self.tool.reach:
-            edge = "width" if size.diameter is None else "diameter"
-            valid = f"below twice tool.reach = {self.tool.reach} [m]"
-            raise invalid(f"object.{edge}", size.width, valid)
-        where = "where object.kind is pancake"
-        if settings.engine != "drake":
-            raise invalid("simulation.engine", settings.engine, f"drake {where}")
-        if settings.contact_approximation != "sap":
-            raise invalid("simulation.contact_approximation", settings.contact_approximation, f"sap {where}")
 
     def with_overrides(self, overrides: Mapping[str, Any]) -> Scenario:
         """A copy with fields changed by path, {"controller.k_p": 400.0}, or nested, {"controller": {"k_p": 400.0}}.
@@ -272,12 +255,6 @@ def with_unit(path: str) -> str:
     field = fields_of(Scenario).get(path)
     unit = unit_of(field) if field else ""
     return path if unit in ("", "1") else f"{path} [{unit}]"
-
-
-def kind_in(data: Mapping[str, Any]) -> str | None:
-    """The kind of object that nested mappings name; None where they name none."""
-    section = data.get("object")
-    return section.get("kind") if isinstance(section, Mapping) else getattr(section, "kind", None)
 
 
 def value_of(scenario: Scenario, path: str) -> Any:
