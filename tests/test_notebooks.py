@@ -98,7 +98,12 @@ def texts(cell):
 
 def test_there_are_notebooks():
     names = "01_turn_over 02_blocks 03_own_controller 04_diagram 05_planning 06_section_iii 07_campaign".split()
-    names += ["08_own_arm_and_object", "09_replanning_and_place", "10_enter_your_controller"]
+    names += [
+        "08_own_arm_and_object",
+        "09_replanning_and_place",
+        "10_enter_your_controller",
+        "11_from_block_to_pancake",
+    ]
     assert list(NOTEBOOKS) == [f"{name}.ipynb" for name in names]
 
 

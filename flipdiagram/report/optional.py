@@ -38,6 +38,15 @@ SECTIONS = {
         " observer keep it.",
         (("mechanism", "The world with the smallest change: friction used, way slid, speeds of the joints"),),
     ),
+    "pancake": Section(
+        "Does a pancake turn over too?",
+        "A disc of finite elements takes the place of the block; the plan takes it for rigid. Each flip was replayed in"
+        " MuJoCo on the same motion of the blade.",
+        (
+            ("map", "How each flip ended, by Young's modulus and friction"),
+            ("engines", "The same flips in Drake and in MuJoCo's flex"),
+        ),
+    ),
 }
 """By the study, which is the name of its folder."""
 

@@ -1,7 +1,5 @@
 """The surface of a recorded pancake over time, from its vertices alone: for pictures and figures."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -32,7 +30,7 @@ class Surface(NamedTuple):
     rim: Indices
     """(G, 3) of what is between them."""
 
-    def at(self, time: ArrayLike) -> Surface:
+    def at(self, time: ArrayLike) -> "Surface":
         """The surface at times (n,) [s], straight between two frames; before and after them, as at the ends."""
         instants = np.asarray(time, dtype=float)
         where = np.interp(instants, self.time, np.arange(len(self.time)))
@@ -41,12 +39,12 @@ class Surface(NamedTuple):
         share = (where - first)[:, None, None]
         return self._replace(time=instants, vertices=(1 - share) * self.vertices[first] + share * self.vertices[later])
 
-    def some(self, frames: Indices) -> Surface:
+    def some(self, frames: Indices) -> "Surface":
         """The surface at some of the frames alone."""
         return self._replace(time=self.time[frames], vertices=self.vertices[frames])
 
 
-def surface_of(recording: Recording) -> Surface | None:
+def surface_of(recording: "Recording") -> Surface | None:
     """The surface of a recorded pancake; None where the recording is of something rigid."""
     from flipdiagram.simulation.deformation import bends
 
@@ -72,7 +70,7 @@ def _rim(tetrahedra: Indices, upper: Indices, lower: Indices) -> Indices:
     return np.asarray(triangles[count[which.ravel()] == 1])
 
 
-def middle_section(recording: Recording, surface: Surface) -> tuple[Indices, Indices]:
+def middle_section(recording: "Recording", surface: Surface) -> tuple[Indices, Indices]:
     """Vertices of the upper and of the lower face in the middle plane x = 0 of the pancake, from its -y to its +y."""
     from flipdiagram.simulation.recording import rotations
 

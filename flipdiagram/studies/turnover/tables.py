@@ -53,5 +53,5 @@ def _row(run: dict[str, Any]) -> list[str]:
         f"{run['max_torque_Nm'][1]:.1f}",
         "–" if run["max_slip_m"] is None else f"{1000 * run['max_slip_m']:.2f}",
         f"{1000 * run['velocity_delay_s']:.1f}",
-        f"{run['real_time_factor']:.1f}",
+        f"{run['real_time_factor']:.2g}",
     ]
