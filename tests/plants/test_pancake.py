@@ -9,6 +9,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from flipdiagram.errors import SimulationError
+from flipdiagram.plants import pancake_cell
 from flipdiagram.plants.pancake import _come_to_rest, add_pancake
 from flipdiagram.plants.pancake_cell import Pancake
 from flipdiagram.robot.pancake_mesh import pancake_mesh
@@ -145,3 +146,12 @@ def test_a_stiff_one_of_the_blocks_size_does_what_the_block_does(architecture):
     else:
         assert not other.success
         assert other.failure.startswith("struck the table") and one.failure.startswith("struck the table")
+
+
+def test_a_flip_that_diverges_says_when(monkeypatch):
+    monkeypatch.setattr(pancake_cell, "STRETCHED", 0.5)
+    with pytest.raises(
+        SimulationError, match=r"the simulation diverged at 0\.000 s: the pancake is stretched to 0\.12"
+    ) as told:
+        simulate(Scenario().with_overrides(COARSE), "pd")
+    assert told.value.exit_code == 3
