@@ -1,6 +1,6 @@
 """Measures the speed of flipdiagram against its targets, prints it, and writes bench.json and bench.md.
 
-    python bench/run.py --out out/bench [--quick] [--only campaign command frequency plan resolve replan simulation]
+    python bench/run.py --out out/bench [--quick] [--only PIECE ...]
 
 It measures, others judge: the exit code is 0 whatever the verdicts say.
 """
@@ -29,7 +29,16 @@ from bench import tables  # noqa: E402
 from bench.results import Section  # noqa: E402
 from flipdiagram import __version__  # noqa: E402
 
-REPETITIONS = {"campaign": 1, "command": 3, "frequency": 7, "plan": 7, "resolve": 6, "replan": 7, "simulation": 5}
+REPETITIONS = {
+    "campaign": 1,
+    "command": 3,
+    "frequency": 7,
+    "plan": 7,
+    "resolve": 6,
+    "replan": 7,
+    "simulation": 5,
+    "pancake": 2,
+}
 """How often each piece is measured, once with --quick; `resolve` and `replan` solve all linearisations each time."""
 BUSY = 0.5
 """Load average per core from which other work on the machine is mentioned."""
@@ -90,12 +99,19 @@ def _campaign(repetitions: int, quick: bool) -> Iterator[Section]:
     yield from campaign.sections(repetitions, quick)
 
 
+def _pancake(repetitions: int, quick: bool) -> Iterator[Section]:
+    from bench import pancake
+
+    yield pancake.measure(repetitions, quick)
+
+
 PIECES: dict[str, Callable[[int, bool], Iterator[Section]]] = {
     "command": _command,  # first: Linux counts a parent's memory for its children, and this process is still small
     "plan": _plan,
     "resolve": _resolve,
     "replan": _replan,
     "simulation": _simulation,
+    "pancake": _pancake,
     "campaign": _campaign,
     "frequency": _frequency,  # last: the threads of what it imports stay
 }
