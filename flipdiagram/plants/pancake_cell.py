@@ -92,7 +92,8 @@ class Pancake(Block):
         self.intermediate("fitted", self._fitted)
         self.output("block", 13, lambda fitted: fitted)
         self.output("contact_area", 2, self._area)
-        self.DeclareAbstractOutputPort("poses", lambda: Value[list[RigidTransform]](), self._poses)
+        read = {self._sources[name][1] for name in ("shape", "body_poses")}
+        self.DeclareAbstractOutputPort("poses", lambda: Value[list[RigidTransform]](), self._poses, read)
         self.update(self._vertices, period)
 
     def _vertices(self, shape: GeometryConfigurationVector, t: float) -> Floats:

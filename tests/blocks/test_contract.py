@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from ideal import IDEAL
 from pydrake.common.value import Value
-from pydrake.geometry import SceneGraph
+from pydrake.geometry import GeometryConfigurationVector, SceneGraph
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ContactResults, ExternallyAppliedSpatialForce, MultibodyPlant
@@ -51,8 +51,10 @@ from flipdiagram.plants.cell import ContactForces, add_cell
 from flipdiagram.plants.handle import add_model
 from flipdiagram.plants.mujoco_cell import CELL, MujocoPlant
 from flipdiagram.plants.one_dof import OneDofPlant
+from flipdiagram.plants.pancake_cell import Pancake, add_pancake_cell
 from flipdiagram.plants.push import Push
 from flipdiagram.robot.parts import arm_of
+from flipdiagram.scenario.scenario import Scenario
 
 # NumPy reports the floating-point flags that Drake's symbolic scalars leave behind.
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
@@ -127,6 +129,37 @@ def mujoco_plant() -> MujocoPlant:
     return MujocoPlant(*drakes_model(), arm_of(IDEAL).joint_names, 0.01, CELL, pushed=True)
 
 
+@cache
+def pancake_at_start() -> tuple[Any, Any]:
+    """The cell with a pancake of the coarsest mesh on the blade, and its diagram."""
+    scenario, builder = Scenario().with_overrides({"object.kind": "pancake", "object.refinement": 1}), DiagramBuilder()
+    arm, task = arm_of(scenario), scenario.task
+    q_start = arm.inverse_kinematics([task.start_y, task.start_z, 0.0, task.start_x, 0.0, 0.0])
+    cell = add_pancake_cell(builder, scenario, arm, q_start)
+    builder.ExportInput(cell.tau, "tau")
+    return cell, builder.Build()
+
+
+def pancake() -> Pancake:
+    seen = pancake_at_start()[0].seen
+    at = seen.geometry, seen.surfaces, seen.place
+    return Pancake(seen.mesh, 0.1, *at, seen.mesh.vertices, 0.01)
+
+
+def contacts_of_pancake(seed: int) -> ContactResults:
+    """It rests on the blade, lower by some micrometres for another seed."""
+    cell, diagram = pancake_at_start()
+    context = diagram.CreateDefaultContext()
+    diagram.get_input_port().FixValue(context, np.zeros(6))
+    cell.stand(context, cell.plant.GetPositions(cell.plant.CreateDefaultContext(), cell.parts.arm.arm))
+    mine, model = cell.robot.GetMyMutableContextFromRoot(context), cell.robot.deformable_model()
+    vertices = np.array(model.GetPositions(mine, cell.pancake)) - [[0.0], [0.0], [2e-5 * (1 + seed)]]
+    model.SetPositions(mine, cell.pancake, vertices)
+    found = cell.robot.get_contact_results_output_port().Eval(mine)
+    assert found.num_deformable_contacts() == 1
+    return found
+
+
 SYSTEMS = {
     "feedforward": lambda: AccelerationFeedforward(2),
     "pd": lambda: ProportionalDerivative([1.0, 2.0], [3.0, 4.0]),
@@ -164,8 +197,9 @@ SYSTEMS = {
     "contact forces": contact_forces,
     "push": push,
     "mujoco": mujoco_plant,
+    "pancake": pancake,
 }
-NOT_CONVERTIBLE = ("mpc", "receding horizon", "camera", "contact forces", "push", "mujoco")
+NOT_CONVERTIBLE = ("mpc", "receding horizon", "camera", "contact forces", "push", "mujoco", "pancake")
 """Each says why in its docstring; so does the one without a formula."""
 NO_FORMULA = ("sensor noise",)
 WITHOUT_EFFECT = {
@@ -224,7 +258,7 @@ def numbers(key: str, size: int, seed: int) -> np.ndarray:
 
 def fix_input(block: Any, context: Any, i: int, seed: int) -> None:
     port = block.get_input_port(i)
-    if port.get_name() == "poses":
+    if port.get_name() in ("poses", "body_poses"):
         turned = [RollPitchYaw(*numbers("angles", 3, seed + k)) for k in range(cell_at_start()[0].plant.num_bodies())]
         poses = [RigidTransform(angles, numbers("place", 3, seed + k)) for k, angles in enumerate(turned)]
         port.FixValue(context, Value[list[RigidTransform]](poses))
@@ -233,6 +267,13 @@ def fix_input(block: Any, context: Any, i: int, seed: int) -> None:
         force.body_index, force.p_BoBq_B = drakes_model()[2].arm.spatula_body.index(), numbers("point", 3, seed)
         force.F_Bq_W = SpatialForce(numbers("moment", 3, seed), numbers("force", 3, seed))
         port.FixValue(context, Value[list[ExternallyAppliedSpatialForce]]([force]))
+    elif port.get_name() == "shape":
+        shape, mesh = GeometryConfigurationVector(), block.mesh
+        bent = mesh.vertices + 1e-3 * numbers("shape", mesh.vertices.size, seed).reshape(-1, 3)
+        shape.set_value(block.geometry, bent.ravel())
+        port.FixValue(context, shape)
+    elif port.get_name() == "contact_results" and of_class(block, Pancake):
+        port.FixValue(context, Value[ContactResults](contacts_of_pancake(seed)))
     elif port.get_name() == "contact_results":
         cell, diagram = cell_at_start()
         own = diagram.CreateDefaultContext()

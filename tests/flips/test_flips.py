@@ -301,22 +301,19 @@ def test_a_flip_that_is_lost_is_an_error_and_flown_again_while_the_others_are_ke
     flips = [Flip(near, "pd"), Flip(near, "pd+ff")]
     monkeypatch.setattr(flips_run, "LEAST_TIMEOUT", loaded(5.0))
     monkeypatch.setattr(flips_run, "PACE", 0.0)
-    monkeypatch.setattr(flips_run, "WORK", Work(flips_run.WORK.plan, fly_or_hang))
     with pytest.raises(SimulationError, match=r"lost, timeout: took longer than [0-9.]+ s; the others are kept"):
-        run_flips(flips, tmp_path)
-    monkeypatch.setattr(flips_run, "WORK", Work(flips_run.WORK.plan, fly_wrongly))
+        run_flips(flips, tmp_path, work=Work(flips_run.WORK.plan, fly_or_hang))
     words = []
     with pytest.raises(RuntimeError, match="ZeroDivisionError"):  # a bug, not physics
-        run_flips(flips, tmp_path, progress=words.append)
+        run_flips(flips, tmp_path, progress=words.append, work=Work(flips_run.WORK.plan, fly_wrongly))
     assert words[0] == "2 flips, 1 of them to be run"
     monkeypatch.undo()
     assert all(outcome.metrics is not None for outcome in run_flips(flips, tmp_path))
 
 
-def test_a_bad_input_that_only_the_planner_sees_ends_the_run(tmp_path, monkeypatch):
-    monkeypatch.setattr(flips_run, "WORK", Work(refuse_to_plan, fly_flight))
+def test_a_bad_input_that_only_the_planner_sees_ends_the_run(tmp_path):
     with pytest.raises(InputError, match="planner.solver = 'none'") as caught:
-        run_flips([Flip(IDEAL, "pd")], tmp_path)
+        run_flips([Flip(IDEAL, "pd")], tmp_path, work=Work(refuse_to_plan, fly_flight))
     assert caught.value.field == "planner.solver"
 
 
