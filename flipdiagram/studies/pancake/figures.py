@@ -28,7 +28,7 @@ LOOKS = {
     "not turned": Look("N", "#CC79A7"),
     "slid at the start": Look("S", "#E69F00"),
     "slid later": Look("s", "#F3CC7D"),
-    "tipped": Look("t", "#D9B08C"),
+    "tipped": Look("P", "#D9B08C"),
     "struck the table": Look("B", "#D55E00"),
     "never landed": Look("L", "#BBBBBB"),
     "torque limit": Look("M", "#999999"),
@@ -87,17 +87,18 @@ def _key(run: Mapping[str, Any]) -> tuple[str, float, float, float]:
 
 def _panels(summary: Summary, cells: Cells, title: str) -> Figure:
     names, thicknesses = list(summary["architectures"]), axis(summary, "thickness_m")
-    size = (2.1 * len(names) + 0.7, 2.3 * len(thicknesses) + 1.1)
+    size = (2.1 * len(names) + 0.7, 2.2 * len(thicknesses) + 1.2)
     with rc_context(RC):
         figure = Figure(figsize=size, layout="constrained")
         panels = figure.subplots(len(thicknesses), len(names), sharex=True, sharey=True, squeeze=False)
         for row, t in zip(panels, thicknesses, strict=True):
             for ax, name in zip(row, names, strict=True):
                 _panel(ax, summary, lambda mu, E, name=name, t=t: cells.get((name, t, mu, E)))  # type: ignore[misc]
+                if t == thicknesses[-1]:
+                    ax.set_xlabel("Young's modulus")
                 ax.set_title(NAMES[name], color=STYLES[name].color, fontweight="bold", fontsize=10)
             thick = f", {1000 * t:g} mm thick" if len(thicknesses) > 1 else ""
             row[0].set_ylabel(f"friction [1]{thick}")
-        figure.supxlabel("Young's modulus", fontsize=9)
         figure.suptitle(title, fontsize=9.5)
         used = dict(sorted({(legend, color) for _, color, legend in cells.values()}))
         handles = [Patch(facecolor=color, edgecolor="0.5", label=legend) for legend, color in used.items()]
