@@ -157,6 +157,9 @@ def test_modes_follow_the_text():
         "torque limit from 0.1 s, landed at 1.2 rad": "torque limit",
         "landed at 1.2 rad": "wrong angle",
         "never reached the table": "never landed",
+        "folded, 12 % of its upper face look up": "folded",
+        "not turned, 100 % of its upper face look up": "not turned",
+        "off target by 3.4 cm": "off target",
         **{f"{kind}: x": kind for kind in ("no plan", "diverged", "no start", "refused", "timeout", "crashed")},
         "something else": "refused",
     }
