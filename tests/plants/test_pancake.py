@@ -64,6 +64,13 @@ def test_a_strip_that_hangs_over_the_blade_sags_as_a_beam_that_lifts_behind_its_
     assert tip == pytest.approx(-q * a**4 / stiffness * (1 / 8 + np.sqrt(2) / 12), rel=0.08)
 
 
+@pytest.mark.parametrize(("modulus", "friction"), [(1e5, 0.45), (1e6, 0.45), (1e7, 0.6)])
+def test_a_stiff_one_on_a_coarse_mesh_comes_to_rest_though_it_trembles(modulus, friction):
+    scenario = pancake(refinement=1, youngs_modulus=modulus, friction=friction)
+    vertices = _come_to_rest(scenario, RigidTransform([0, 0, 0.006]))
+    assert np.abs(vertices - pancake_mesh(scenario.object).vertices - [0, 0, 0.006]).max() < 1e-3
+
+
 def test_a_pancake_that_slides_off_the_blade_never_comes_to_rest_there():
     with pytest.raises(SimulationError, match="does not come to rest on the blade within 4 s"):
         _come_to_rest(pancake(refinement=1), RigidTransform([0, 0.12, 0.006]))
