@@ -148,8 +148,8 @@ def test_a_stiff_one_of_the_blocks_size_does_what_the_block_does(architecture):
         # both come to lie turned over, 3.3 cm from the target: for a pancake that is too far
         there, lies = rigid["block_pose"].values[-1, 4:6], lying(bent)
         assert lies.turned == 1
-        np.testing.assert_allclose(bent["block_pose"].values[-1, 4:6], there, atol=0.01)
-        assert lies.away_m == pytest.approx(np.hypot(there[0] - 0.5, there[1]), abs=0.01)
+        np.testing.assert_allclose(bent["block_pose"].values[-1, 4:6], there, atol=0.02)
+        assert lies.away_m == pytest.approx(np.hypot(there[0] - 0.5, there[1]), abs=0.02)
     else:
         assert not other.success
         assert other.failure.startswith("struck the table") and one.failure.startswith("struck the table")
