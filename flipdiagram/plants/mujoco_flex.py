@@ -170,7 +170,7 @@ def settings_text() -> str:
 
 
 def mjcf(scenario: Scenario, vertices: Floats, tool: Floats, masses: Floats) -> str:
-    """The model's text; arguments as of `flex_model`, masses (V,) [kg]."""
+    """The model's text; arguments as of `Flex`, masses (V,) [kg] of the vertices."""
     pancake, mesh = scenario.object, pancake_mesh(scenario.object)
     half = np.array(scenario.tool.blade_size) / 2
     plate = table_size() / 2

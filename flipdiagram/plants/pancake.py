@@ -55,6 +55,7 @@ AT_REST = 2e-4
 LOOK, LONGEST = 0.02, 4.0
 """Simulated time [s] between two looks whether it rests, and after which it never will."""
 COLOUR = np.array([0.87, 0.36, 0.22, 1.0])
+"""As in block.sdf."""
 
 
 def add_pancake(
@@ -76,9 +77,7 @@ def add_pancake(
     config.set_mass_damping_coefficient(settling)
     shape = Mesh(InMemoryMesh(mesh_file=MemoryFile(_vtk(mesh), ".vtk", "pancake")))
     geometry = GeometryInstance(X_WP, shape, "pancake")
-    touch = ProximityProperties()
-    AddContactMaterial(friction=CoulombFriction(pancake.friction, pancake.friction), properties=touch)
-    geometry.set_proximity_properties(touch)
+    geometry.set_proximity_properties(_rough(scenario))
     geometry.set_illustration_properties(MakePhongIllustrationProperties(COLOUR))
     resolution = pancake.thickness  # of shapes that are no mesh
     return plant.mutable_deformable_model().RegisterDeformableBody(geometry, config, resolution)
@@ -92,11 +91,17 @@ def add_carrier(plant: MultibodyPlant, blade: RigidBody, tool: Frame, scenario: 
     rigid block and of MuJoCo.  A slab of 20 mm strikes the object with its side after the release.
     """
     length, width, _ = scenario.tool.blade_size
-    touch = ProximityProperties()
-    AddContactMaterial(friction=CoulombFriction(*[scenario.object.friction] * 2), properties=touch)
+    touch = _rough(scenario)
     AddCompliantHydroelasticProperties(CARRIER, MODULUS, touch)
     X_BS = tool.GetFixedPoseInBodyFrame() @ RigidTransform([0.0, 0.0, -CARRIER / 2])
     return plant.RegisterCollisionGeometry(blade, X_BS, Box(length, width, CARRIER), "carrier", touch)
+
+
+def _rough(scenario: Scenario) -> ProximityProperties:
+    """The friction of pancake and blade, which combine to the same."""
+    touch, mu = ProximityProperties(), scenario.object.friction
+    AddContactMaterial(friction=CoulombFriction(mu, mu), properties=touch)
+    return touch
 
 
 def let_carry(

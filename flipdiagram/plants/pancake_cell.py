@@ -89,10 +89,10 @@ class Pancake(Block):
         self.input("body_poses", Value[list[RigidTransform]]())
         self.state("before", initial.ravel())
         self.output("vertices", initial.size, self._vertices)
-        self.intermediate("fitted", self._fitted)
-        self.output("block", 13, lambda fitted: fitted)
+        self.intermediate("fit", self._fit)
+        self.output("block", 13, self._block)
         self.output("contact_area", 2, self._area)
-        read = {self._sources[name][1] for name in ("shape", "body_poses")}
+        read = {self._sources[name][1] for name in ("fit", "body_poses")}
         self.DeclareAbstractOutputPort("poses", lambda: Value[list[RigidTransform]](), self._poses, read)
         self.update(self._vertices, period)
 
@@ -104,12 +104,16 @@ class Pancake(Block):
             raise SimulationError(f"the simulation diverged at {t:.3f} s: {what}")
         return vertices
 
-    def _fitted(self, shape: GeometryConfigurationVector, before: Floats) -> Floats:
+    def _fit(self, shape: GeometryConfigurationVector) -> tuple[Floats, RigidTransform]:
+        """Vertices (V, 3) [m], and the pose of the rigid body that fits them best."""
         vertices = np.array(shape.value(self.geometry)).reshape(-1, 3)
         fit = rigid_fit(vertices, self.mesh.vertices, self.masses)
-        turn = RotationMatrix.ProjectToRotationMatrix(fit.rotation).ToQuaternion().wxyz()
+        return vertices, RigidTransform(RotationMatrix.ProjectToRotationMatrix(fit.rotation), fit.centre)
+
+    def _block(self, fit: tuple[Floats, RigidTransform], before: Floats) -> Floats:
+        vertices, X_WB = fit
         omega, v = spin(vertices, (vertices - before.reshape(-1, 3)) / self.step, self.masses)
-        return np.concatenate([turn, fit.centre, omega, v])
+        return np.concatenate([X_WB.rotation().ToQuaternion().wxyz(), X_WB.translation(), omega, v])
 
     def _area(self, contact_results: ContactResults) -> Floats:
         area = np.zeros(2)
@@ -121,10 +125,7 @@ class Pancake(Block):
         return area
 
     def _poses(self, context: Context, poses: Value) -> None:
-        rigid = list(self.value_in(context, "body_poses"))
-        shape = self.value_in(context, "shape")
-        fit = rigid_fit(np.array(shape.value(self.geometry)).reshape(-1, 3), self.mesh.vertices, self.masses)
-        X_WB = RigidTransform(RotationMatrix.ProjectToRotationMatrix(fit.rotation), fit.centre)
+        rigid, (_, X_WB) = list(self.value_in(context, "body_poses")), self.value_in(context, "fit")
         poses.set_value([*rigid[: self.place], X_WB, *rigid[self.place :]])
 
 

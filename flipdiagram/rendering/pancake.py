@@ -16,11 +16,10 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
 
 from flipdiagram.arrays import Floats, Indices
+from flipdiagram.plants.pancake import COLOUR
 from flipdiagram.rendering.scene import TOP_COLOUR, Scene
 from flipdiagram.simulation.pancake_surface import Surface
 
-COLOUR = np.array([0.87, 0.36, 0.22, 1.0])
-"""As in block.sdf."""
 COLOURS = {"upper": TOP_COLOUR, "lower": COLOUR, "rim": COLOUR}
 LEVELS = 2**16 - 1
 """Steps of a position in a page between the smallest and the largest: of 15 µm where the pancake moves by a metre."""

@@ -59,7 +59,7 @@ def pancake_mesh(pancake: Object) -> PancakeMesh:
     vertices = np.vstack([np.column_stack([plane, np.full(n, z)]) for z in heights])
     low = np.sort(triangles, axis=1)
     a, b, c = low.T
-    prism = np.vstack([low_high for low_high in _prism(a, b, c, n)])
+    prism = np.vstack(_prism(a, b, c, n))
     tetrahedra = np.vstack([prism + layer * n for layer in range(pancake.layers)])
     turned = volumes_of(vertices, tetrahedra) < 0
     tetrahedra[turned] = tetrahedra[turned][:, [0, 2, 1, 3]]

@@ -16,8 +16,8 @@ from flipdiagram.arrays import Floats
 from flipdiagram.errors import InputError
 from flipdiagram.robot.pancake_mesh import PancakeMesh, pancake_mesh
 from flipdiagram.scenario.cell import Object
+from flipdiagram.theory.contact import GRAVITY_Z
 
-GRAVITY = 9.81
 MOST_COMPRESSED = 0.1
 """Strain under its own weight at the bottom of a pancake that its mesh may have."""
 
@@ -29,7 +29,7 @@ def mesh_modulus(pancake: Object) -> float:
     """
     modulus = pancake.youngs_modulus * bending_share(pancake)
     area = np.pi * pancake.diameter**2 / 4 if pancake.diameter is not None else pancake.length * pancake.width
-    compressed = pancake.mass * GRAVITY / area / modulus
+    compressed = -pancake.mass * GRAVITY_Z / area / modulus
     if compressed > MOST_COMPRESSED:
         problem = (
             f"scenario field 'object.refinement' = {pancake.refinement}: so coarse a mesh of so soft a pancake,"

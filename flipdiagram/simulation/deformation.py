@@ -24,9 +24,10 @@ def with_deformation(data: Recording, vertices: Floats, contact_area: Floats, sc
         contact_area: (2, time) [m²], with blade and table.
         scenario: what was simulated.
     """
-    frames = np.ascontiguousarray(vertices[:, ::STRIDE].T.reshape(-1, scenario.object.vertices, 3))
-    data = with_frames(data, frames, pancake_mesh(scenario.object))
-    energy = deformation_energy(frames, pancake_mesh(scenario.object), scenario.object)
+    mesh = pancake_mesh(scenario.object)
+    frames = np.ascontiguousarray(vertices[:, ::STRIDE].T.reshape(-1, len(mesh.vertices), 3))
+    data = with_frames(data, frames, mesh)
+    energy = deformation_energy(frames, mesh, scenario.object)
     return data.assign(
         contact_area=(("time", "surface"), contact_area.T.copy(), {"units": "m2"}),
         deformation_energy=("frame", energy, {"units": "J"}),

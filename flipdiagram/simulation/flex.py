@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from flipdiagram.arrays import Floats
 from flipdiagram.errors import InputError, SimulationError
 from flipdiagram.plants.mujoco_flex import BLADE, FLEX, Flex, quiet, settings_text
+from flipdiagram.plants.pancake import AT_REST, LONGEST, LOOK, SETTLING
 from flipdiagram.robot.pancake_mesh import pancake_mesh
 from flipdiagram.scenario.scenario import Scenario, from_yaml
 from flipdiagram.simulation.deformation import STRIDE, deformation_energy, overhang, with_frames
@@ -16,13 +17,6 @@ from flipdiagram.simulation.events import touching
 from flipdiagram.simulation.margins import with_margins
 from flipdiagram.simulation.recording import Recording, continuous, in_tool, rotations
 from flipdiagram.theory.rigid_fit import rigid_fit
-
-SETTLING = 40.0
-"""Damping [1/s] of all speeds while the pancake comes to rest on the blade, as in Drake."""
-AT_REST = 2e-4
-"""Speed [m/s] of the fastest vertex, of its mean over one `LOOK` to the next, below which it rests: it trembles."""
-LOOK, LONGEST = 0.02, 4.0
-"""Simulated time [s] between two looks whether it rests, and after which it never will."""
 
 
 def replay_in_flex(recording: Recording) -> Recording:
