@@ -19,7 +19,7 @@ from flipdiagram.arrays import Floats
 from flipdiagram.blocks.block import Block
 from flipdiagram.errors import SimulationError
 from flipdiagram.plants.handle import Cell, Rest, add_joint_torque, add_model, add_push, block_on_blade, rest_by_default
-from flipdiagram.plants.mujoco_contact import CELL, Settings, compiled, import_mujoco
+from flipdiagram.plants.mujoco_contact import CELL, Settings, compiled, give_way, import_mujoco
 from flipdiagram.plants.mujoco_model import cell_model
 from flipdiagram.robot.arm import ArmModel
 from flipdiagram.robot.parts import Parts
@@ -96,8 +96,9 @@ class MujocoPlant(Block):
         self._mujoco = import_mujoco()
         n = self.joints = len(joint_names)
         self.substeps = math.ceil(period / settings.timestep - 1e-9)
-        text, self._X_LS = cell_model(plant, scene_graph, parts, joint_names, settings, period / self.substeps)
+        text, self._X_LS, springs = cell_model(plant, scene_graph, parts, joint_names, settings, period / self.substeps)
         self.model = compiled(self._mujoco, text)
+        give_way(self.model, springs)
         self._link = self.model.body("blade").id
         self._drake, self._parts = plant, parts
         self._work = _Workspace(self._mujoco, self.model, plant, self.substeps, n)

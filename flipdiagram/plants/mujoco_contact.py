@@ -10,7 +10,7 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydrake.geometry import Box, SceneGraph
+from pydrake.geometry import Box, ProximityProperties, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import CalcContactFrictionFromSurfaceProperties, CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import RigidBody
@@ -19,6 +19,7 @@ from flipdiagram.arrays import Floats
 from flipdiagram.errors import InputError, first_line
 from flipdiagram.robot.model_files import spaced
 from flipdiagram.robot.parts import Parts
+from flipdiagram.theory.impact import damping_ratio, restitution
 
 
 class Settings(NamedTuple):
@@ -79,13 +80,28 @@ LIMIT = 5e-4
 """Time constant [s] of the joints' limits."""
 
 
+BLOW = 0.5
+"""Speed [m/s] with which an edge of the blade strikes the table; at it both engines take as much from a blow."""
+
+
+class Spring(NamedTuple):
+    """How what collides gives way: stiffness [N/m], dissipation of Hunt and Crossley's [s/m]."""
+
+    stiffness: float
+    dissipation: float
+
+
 class ContactBox(NamedTuple):
-    """A box that collides: edges `size` (3,) [m], its pose in the frame of its body, and its own friction."""
+    """A box that collides: edges `size` (3,) [m], its pose in the frame of its body, its own friction and spring.
+
+    The spring is None where the model files name none.
+    """
 
     name: str
     X_BG: RigidTransform
     size: Floats
     friction: CoulombFriction
+    spring: Spring | None
 
     def geom(self, X_MB: RigidTransform) -> str:
         """The element of a body of MuJoCo's in which Drake's body has the pose X_MB."""
@@ -117,8 +133,15 @@ def contact_boxes(plant: MultibodyPlant, scene_graph: SceneGraph, parts: Parts) 
                 raise InputError(f"simulation.engine = 'mujoco' has no shape for what {problem}", valid="Box")
             friction = properties.GetProperty("material", "coulomb_friction")
             X_BG, label = inspector.GetPoseInFrame(geometry), f"{name}{k or ''}"
-            found[name].append(ContactBox(label, X_BG, np.array(shape.size()), friction))
+            found[name].append(ContactBox(label, X_BG, np.array(shape.size()), friction, _spring(properties)))
     return found
+
+
+def _spring(properties: ProximityProperties) -> Spring | None:
+    if not properties.HasProperty("material", "point_contact_stiffness"):
+        return None
+    dissipation = properties.GetPropertyOrDefault("material", "hunt_crossley_dissipation", 0.0)
+    return Spring(properties.GetProperty("material", "point_contact_stiffness"), dissipation)
 
 
 def head(settings: Settings, step: float, gravity: Sequence[float]) -> str:
@@ -167,10 +190,38 @@ def pairs(boxes: Mapping[str, Sequence[ContactBox]], names: Iterable[str], setti
         for one, other in product(boxes[by], boxes[on]):
             friction = CalcContactFrictionFromSurfaceProperties(one.friction, other.friction).dynamic_friction()
             elements.append(
-                f'<pair geom1="{one.name}" geom2="{other.name}" friction="{friction!r} {friction!r}" condim="3"'
+                f'<pair name="{one.name}-{other.name}" geom1="{one.name}" geom2="{other.name}" condim="3"'
+                f' friction="{friction!r} {friction!r}"'
                 f" {compliance(settings)}/>"
             )
     return "".join(elements)
+
+
+def springs(boxes: Mapping[str, Sequence[ContactBox]], names: Iterable[str]) -> dict[str, Spring]:
+    """By the name of its element, the two springs in a row of each pair of boxes that both have one, as in Drake."""
+    found = {}
+    for name in names:
+        by, on = name.split("-")
+        for one, other in product(boxes[by], boxes[on]):
+            if one.spring is not None and other.spring is not None:
+                (k, d), (of_other, d_of_other) = one.spring, other.spring
+                total = k + of_other
+                both = Spring(k * of_other / total, (of_other * d + k * d_of_other) / total)
+                found[f"{one.name}-{other.name}"] = both
+    return found
+
+
+def give_way(model: Any, springs: Mapping[str, Spring]) -> None:
+    """Set the stiffness of pairs of a compiled model, by their names, in the place of what `compliance` says.
+
+    MuJoCo's is one of acceleration: that of the spring times its own estimate of the inverse mass.
+    """
+    for name, spring in springs.items():
+        pair = model.pair(name)
+        bodies = model.geom_bodyid[[int(pair.geom1[0]), int(pair.geom2[0])]]
+        square = spring.stiffness * float(model.body_invweight0[bodies, 0].sum())
+        zeta = damping_ratio(restitution(spring.dissipation, BLOW))
+        pair.solref[:] = -square, -2.0 * zeta * math.sqrt(square)
 
 
 def compiled(mujoco: Any, xml: str) -> Any:

@@ -17,12 +17,14 @@ from flipdiagram.plants.handle import CONTACT_PAIRS
 from flipdiagram.plants.mujoco_contact import (
     ContactBox,
     Settings,
+    Spring,
     contact_boxes,
     free_body,
     head,
     inertial,
     limit_compliance,
     pairs,
+    springs,
 )
 from flipdiagram.robot.gears import GearHandles
 from flipdiagram.robot.model_files import spaced
@@ -34,10 +36,12 @@ WITHOUT_END = 1e6
 
 
 class CellModel(NamedTuple):
-    """The text in MJCF, and the pose of the spatula's body in the frame of MuJoCo's body "blade", the last link."""
+    """The text in MJCF, the pose of the spatula's body in the frame of MuJoCo's body "blade", the last link, and the
+    springs of those pairs of geometries that have one, see `mujoco_contact.give_way`."""
 
     mjcf: str
     X_LS: RigidTransform
+    springs: dict[str, Spring]
 
 
 def cell_model(
@@ -84,6 +88,7 @@ def cell_model(
   <sensor>{sensors}</sensor>
 </mujoco>""",
         X_LS,
+        springs(boxes, CONTACT_PAIRS),
     )
 
 

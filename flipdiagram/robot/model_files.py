@@ -27,6 +27,7 @@ MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 BLADE_MASS_SHARE = 0.049 / 0.150  # of the spatula's mass; the rest is the handle, see spatula.urdf
 HANDLE_RADIUS = 0.008  # [m], as in spatula.urdf
+BLADE_MODULUS = 70e9  # [Pa], aluminium
 
 
 def urdf_directory() -> Path:
@@ -78,7 +79,8 @@ def arm_urdf(arm: Arm) -> str:
 def spatula_urdf(scenario: Scenario) -> str:
     """URDF text of the spatula with the scenario's numbers; its friction is that of the object.
 
-    The inertia follows: blade = homogeneous box, handle = rod from the flange to the blade.
+    The inertia follows: blade = homogeneous box, handle = rod from the flange to the blade.  So does the stiffness with
+    which an edge meets the table: a cantilever from the blade's middle, 3 E I / L³.
     """
     root, tool = _parse(model_path("spatula.urdf")), scenario.tool
     length, thickness, mass = tool.reach, tool.blade_thickness, tool.mass
@@ -96,6 +98,8 @@ def spatula_urdf(scenario: Scenario) -> str:
     _set(root, "link/visual[@name='neck']/origin", xyz=f"{handle - 0.005!r} 0 {-thickness - 0.002!r}")
     for kind in ("mu_static", "mu_dynamic"):
         _set(root, f".//{DRAKE_TAG}{kind}", value=repr(scenario.object.friction))
+    stiffness = 2 * BLADE_MODULUS * tool.blade_length * (thickness / tool.blade_width) ** 3
+    _set(root, f".//{DRAKE_TAG}point_contact_stiffness", value=repr(stiffness))
 
     blade_mass, handle_mass = BLADE_MASS_SHARE * mass, (1 - BLADE_MASS_SHARE) * mass
     centre = BLADE_MASS_SHARE * length + (1 - BLADE_MASS_SHARE) * handle / 2

@@ -68,7 +68,7 @@ class Models:
         self.plant.RegisterAsSourceForSceneGraph(graph)
         self.parts = add_model(self.plant, scenario)
         self.names = arm_of(scenario).joint_names
-        text, self.X_LS = cell_model(self.plant, graph, self.parts, self.names, CELL, 1e-4)
+        text, self.X_LS, _ = cell_model(self.plant, graph, self.parts, self.names, CELL, 1e-4)
         self.graph, self.model = graph, compiled(mujoco, text)
         self.data, self.context = mujoco.MjData(self.model), self.plant.CreateDefaultContext()
         self.n = len(self.names)

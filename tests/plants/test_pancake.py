@@ -14,8 +14,10 @@ from flipdiagram.plants.pancake import _come_to_rest, add_pancake
 from flipdiagram.plants.pancake_cell import Pancake
 from flipdiagram.robot.pancake_mesh import pancake_mesh
 from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.simulation.events import strike_index
 from flipdiagram.simulation.lying import lying
 from flipdiagram.simulation.metrics import measure
+from flipdiagram.simulation.recording import roll
 from flipdiagram.simulation.simulate import simulate
 
 G = 9.81
@@ -151,8 +153,13 @@ def test_a_stiff_one_of_the_blocks_size_does_what_the_block_does(architecture):
         np.testing.assert_allclose(bent["block_pose"].values[-1, 4:6], there, atol=0.02)
         assert lies.away_m == pytest.approx(np.hypot(there[0] - 0.5, there[1]), abs=0.02)
     else:
-        assert not other.success
-        assert other.failure.startswith("struck the table") and one.failure.startswith("struck the table")
+        # the blow throws the block off, and either may fall as it likes: until then they go the same way
+        hit = strike_index(rigid)
+        assert strike_index(bent) == pytest.approx(hit, abs=1)
+        np.testing.assert_allclose(bent["block_pose"][:hit, 4:], rigid["block_pose"][:hit, 4:], atol=0.005)
+        np.testing.assert_allclose(
+            roll(bent["block_pose"].values[:hit]), roll(rigid["block_pose"].values[:hit]), atol=0.02
+        )
 
 
 def test_a_flip_that_diverges_says_when(monkeypatch):
