@@ -33,7 +33,7 @@ from flipdiagram.studies.calibrate.observations import (
     stages,
 )
 from flipdiagram.studies.calibrate.predictions import Shown
-from flipdiagram.studies.calibrate.section import MEDIAN, CalibrateSection, load_calibration
+from flipdiagram.studies.calibrate.section import MEDIAN, NEAREST, CalibrateSection, load_calibration
 from flipdiagram.studies.calibrate.worlds import Worlds
 from flipdiagram.studies.study import Progress, silent
 
@@ -54,7 +54,8 @@ def run(
 ) -> None:
     """Draw worlds from the priors of a file, fly them, keep those like the paper's, go on about them.
 
-    Writes summary.json, and median.yaml, the scenario with each unknown at its posterior's median.
+    Writes summary.json; median.yaml, the scenario with each unknown at its posterior's median; and nearest.yaml, the
+    world that was flown whose numbers, verdicts and signs are nearest to the paper's.
 
     Each flip is kept in `out`/calibrate.sqlite as it ends: an interrupted calibration goes on where it was.
 
@@ -82,8 +83,9 @@ def run(
         clock = Clock(flips, progress)
         with stored as store:
             worlds = Worlds(priors, settings.starts, Flying(workers, store, work, priors.limits, clock.tick), clock)
-            body, median = calibrate(priors, settings, worlds, scenarios, progress)
-    write_atomically(Path(out) / f"{MEDIAN}.yaml", median.to_yaml())
+            body, found = calibrate(priors, settings, worlds, scenarios, progress)
+    for name, of_world in found.items():
+        write_atomically(Path(out) / f"{name}.yaml", of_world.to_yaml())
     write_summary(Path(out) / "summary.json", "calibrate", priors.base, body)
 
 
@@ -93,8 +95,8 @@ def calibrate(
     worlds: Worlds,
     scenarios: Mapping[str, Scenario],
     progress: Progress = silent,
-) -> tuple[dict[str, Any], Scenario]:
-    """The body of the summary, and the world with each unknown at its posterior's median.
+) -> tuple[dict[str, Any], dict[str, Scenario]]:
+    """The body of the summary, and by its name the world at the posterior's medians and the one nearest to the paper.
 
     The body: posterior, its checks, predictions beside those of named scenarios, data that pull against each other.
     """
@@ -116,9 +118,13 @@ def calibrate(
         return index, np.array([distance(worlds.observations[k]) for k in index])
 
     population, history = inference.sequential(rejected, priors.trials, simulate, settings.rounds, rng)
-    median = priors.truth(priors.drawn(0, _quantiles(worlds, population)[1].tolist(), priors.seeds[0]))
+    points = {
+        MEDIAN: _quantiles(worlds, population)[1],
+        NEAREST: worlds.u[population.index[np.argmin(population.distance)]],
+    }
+    found = {name: priors.truth(priors.drawn(0, u.tolist(), priors.seeds[0])) for name, u in points.items()}
     progress("the starts of the paper")
-    shown = Shown(worlds, population, prior, {**scenarios, MEDIAN: median})
+    shown = Shown(worlds, population, prior, {**scenarios, **found})
     body = {
         "worlds": len(worlds.observations),
         "starts_y_m": list(settings.starts),
@@ -131,7 +137,7 @@ def calibrate(
         "held_out": [_held_out(name, settings, worlds, prior) for name in settings.hold_out],
         "pairs": _pairs(worlds, prior),
     }
-    return body, median
+    return body, found
 
 
 def _distances(worlds: Worlds, data: Observation, without: Sequence[str] = ()) -> Floats:

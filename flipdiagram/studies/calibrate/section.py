@@ -13,8 +13,15 @@ from flipdiagram.scenario.scenario import Scenario
 from flipdiagram.scenario.text import Section
 from flipdiagram.studies.calibrate.observations import DATA
 
-MEDIAN = "median"
-"""Name of the scenario with each unknown at its posterior's median, and of its file."""
+MEDIAN, NEAREST = "median", "nearest"
+"""Names of two scenarios and of their files: each unknown at its posterior's median, and the world nearest to the data.
+
+The medians of unknowns one by one need not be a world that explains much; the nearest one shows what goes together.
+"""
+OWN_NAMES = {
+    MEDIAN: "another name: that of the world at the posterior's medians",
+    NEAREST: "another name: that of the world nearest to the paper",
+}
 
 
 class CalibrateSection(Section):
@@ -53,8 +60,8 @@ def load_calibration(
 
 def compared(section: CalibrateSection, source: Source, folder: Path) -> dict[str, Scenario]:
     """The scenarios to be flown beside the worlds, by name; a file is looked for in the folder first."""
-    if MEDIAN in section.compare:
-        raise source.bad(["calibrate", "compare"], MEDIAN, "another name: that of the world at the posterior's medians")
+    for name in OWN_NAMES.keys() & section.compare.keys():
+        raise source.bad(["calibrate", "compare"], name, OWN_NAMES[name])
     found = {}
     for name, file in section.compare.items():
         with source.located(("calibrate", "compare")):

@@ -110,6 +110,14 @@ def test_named_scenarios_stand_beside_them_start_by_start(summary, folder):
     assert rows["acceleration RMSE, FF+DOB"]["median"] == pytest.approx(
         4.65 * np.sqrt(62.8 / median.sensors.velocity_cutoff)
     )
+    # and the one nearest to the paper: no number is farther off than the distance of the nearest draw says
+    nearest = load_scenario(folder / "out" / "nearest.yaml")
+    assert rows["acceleration RMSE, FF+DOB"]["nearest"] == pytest.approx(
+        4.65 * np.sqrt(62.8 / nearest.sensors.velocity_cutoff)
+    )
+    least = min(summary["draws"]["distance"])
+    for row in summary["predictions"][:6]:
+        assert abs(np.log(row["scenarios"]["nearest"] / row["paper"])) <= 1.01 * least * row["tolerance"]
 
 
 def test_data_held_out_are_predicted_and_synthetic_worlds_found_again(summary):
@@ -168,8 +176,8 @@ def test_pictures_and_tables_say_it(summary, tmp_path):
     assert [row[0] for row in unknowns.rows][2] == "`object.mass [kg]`" and unknowns.rows[2][-1] == "a pair of scales"
     told = [(f"[{row[0].rpartition('[')[2]}", row[1]) for row in predictions.rows][:6]
     assert told == [(f"[{q.unit}]", f"{q.paper:g}") for q in QUANTITIES]
-    assert predictions.headings[2:5] == ["defaults", "slower", "median"] == claims.headings[1:4]
-    assert claims.rows[0][3:] == ["yes", "100 %", "100 %"] and checks.rows[-1][0] == "10 synthetic worlds"
+    assert predictions.headings[2:6] == ["defaults", "slower", "median", "nearest"] == claims.headings[1:5]
+    assert claims.rows[0][3:] == ["yes", "yes", "100 %", "100 %"] and checks.rows[-1][0] == "10 synthetic worlds"
 
 
 def test_distances_are_counted_in_tolerances_and_signs():
@@ -230,6 +238,7 @@ def test_a_world_is_flown_as_far_as_both_with_observer_turn_the_block_over(lost,
         (("rounds: 1", "starts: [0.0, 9.0]"), "task.start_y"),
         (("slower.yaml", "nowhere.yaml"), "nowhere.yaml"),
         (("slower: slower.yaml", "median: slower.yaml"), "compare = 'median' is not valid; valid is another name"),
+        (("slower: slower.yaml", "nearest: slower.yaml"), "compare = 'nearest' is not valid; valid is another name"),
         (("rounds: 1", "hold_out: [E9]"), "hold_out = 'E9' is not valid; valid is one of position RMSE"),
         (("object.mass: a", "object.size: a"), "sources = 'object.size' is not valid; valid is one of sensors"),
         (("lhs", "grid"), "the grid needs values"),
