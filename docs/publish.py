@@ -108,7 +108,7 @@ def engines_block(summary: dict[str, Any]) -> str:
     )
     share = f"{equal} of {counted} flips, {100 * equal / counted:.1f} %"
     return (
-        f"In {summary['trials']} worlds drawn as in `examples/campaign.yaml`, with four controllers each, both engines"
+        f"In {summary['trials']} worlds drawn by `examples/engines.yaml`, with four controllers each, both engines"
         f" say the same of {share}: {by_name}. [Two engines](../engines.md) shows where the others lie.\n"
     )
 

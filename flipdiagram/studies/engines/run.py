@@ -40,7 +40,7 @@ def run(
     Flips that are there already are kept.  yes: even if it takes longer than the file's limit.  Raises InputError.
     """
     if file is None:
-        raise InputError("engines needs the FILE of a campaign; see examples/campaign.yaml", field="FILE")
+        raise InputError("engines needs the FILE of a campaign; see examples/engines.yaml", field="FILE")
     import_mujoco()  # raises InputError before anything is written
     data = {}
     for engine in ENGINES:

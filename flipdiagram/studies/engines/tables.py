@@ -1,5 +1,6 @@
 """Where two engines agree, as tables."""
 
+from flipdiagram.campaign.statistics import success_rate
 from flipdiagram.grid import Grid, number
 from flipdiagram.scenario.scenario import with_unit
 from flipdiagram.studies.study import Summary
@@ -16,13 +17,14 @@ def tables(summary: Summary) -> list[Grid]:
 def agreement_grid(summary: Summary) -> Grid:
     """A row for each architecture, and one for all."""
     drake, mujoco = summary["engines"]
+    entries = summary["architectures"]
+    every = [[entry["counted"], *entry["turned_over"], entry["equal"]] for entry in entries.values()]
+    total = [sum(column) for column in zip(*every, strict=True)]
+    named = [(f"`{name}`", row, entry) for (name, entry), row in zip(entries.items(), every, strict=True)]
     rows = []
-    for name, entry in summary["architectures"].items():
-        rate = "–" if entry["rate"] is None else f"{100 * entry['rate']:.1f} %"
-        interval = f"{100 * entry['low']:.1f}–{100 * entry['high']:.1f} %"
-        rows.append(
-            [f"`{name}`", str(entry["counted"]), *map(str, entry["turned_over"]), str(entry["equal"]), rate, interval]
-        )
+    for name, row, rate in [*named, ("all", total, success_rate(total[-1], total[0]))]:
+        share = "–" if rate["rate"] is None else f"{100 * rate['rate']:.1f} %"
+        rows.append([name, *map(str, row), share, f"{100 * rate['low']:.1f}–{100 * rate['high']:.1f} %"])
     headings = ["architecture", "flips", drake, mujoco, "same verdict", "share", "95 % interval (Wilson)"]
     return Grid(
         headings, rows, f"turned over in {drake} and in {mujoco}, and how often both say the same", headings[1:]

@@ -74,10 +74,10 @@ def test_the_parameter_that_tells_the_worlds_apart_comes_first():
 
 def test_tables_figure_and_readers_show_it(folder, summary):
     agreement, difference, parameters = tables(summary)
-    assert [row[0] for row in agreement.rows] == ["`pd`", "`pd+ff+dob`"] and agreement.headings[2:4] == [
-        "drake",
-        "mujoco",
-    ]
+    assert [row[0] for row in agreement.rows] == ["`pd`", "`pd+ff+dob`", "all"]
+    assert agreement.headings[1:5] == ["flips", "drake", "mujoco", "same verdict"]
+    counts = np.array([[int(text) for text in row[1:5]] for row in agreement.rows])
+    assert (counts[:2].sum(axis=0) == counts[2]).all() and counts[2, 0] == 60
     assert len(difference.rows) == len(summary["differ"]) and len(parameters.rows) == 2
     assert write_figures(summary, folder) == [] and (folder / "engines.png").stat().st_size > 10_000
     result = open_result(folder)
