@@ -39,7 +39,7 @@ seed: 1
 architectures: [pd+ff+dob]
 limit_hours: 10
 """
-"""Default hold of 2 s; one plan serves all, as what varies is unknown to the planner."""
+"""One plan serves all, as what varies is unknown to the planner."""
 TEXT = (
     "A campaign of the default flip under pd+ff+dob, four parameters drawn by Sobol, into SQLite, from its first flip"
     " to its last: without the start of Python, of the workers, and the one plan. Overhead: what the driver computes"
