@@ -1,5 +1,7 @@
 """The search for E1 as tables."""
 
+from typing import Any
+
 from flipdiagram.grid import Grid, number
 from flipdiagram.scenario.scenario import with_unit
 from flipdiagram.studies.inverse.search import KEPT
@@ -7,8 +9,14 @@ from flipdiagram.studies.study import Summary
 
 
 def tables(summary: Summary) -> list[Grid]:
-    """How far the worlds came, where those found lie, the smallest change that does it, and the nearest misses."""
-    return [stage_grid(summary), region_grid(summary), smallest_grid(summary), nearest_grid(summary)]
+    """How far the worlds came; those found and where they lie; the smallest change that does it; the nearest misses."""
+    return [
+        stage_grid(summary),
+        found_grid(summary),
+        region_grid(summary),
+        smallest_grid(summary),
+        nearest_grid(summary),
+    ]
 
 
 def stage_grid(summary: Summary) -> Grid:
@@ -27,6 +35,17 @@ def stage_grid(summary: Summary) -> Grid:
         f" (95 % interval {low:.2f}–{high:.2f} %)"
     )
     return Grid(["controller", "wanted", "worlds", "as wanted", "the others"], rows, title, ["worlds", "as wanted"])
+
+
+def found_grid(summary: Summary) -> Grid:
+    """The worlds in which E1 holds, and where else it holds there: a world that does not is the solver's."""
+    rows = [
+        [str(world["trial"]), ", ".join(world["firm"]) or "–", _slip(world), _told(world)]
+        for world in summary["worlds_found"]
+    ]
+    return Grid(
+        ["world", "holds too", "slip, at most", "what happened"], rows, "the worlds in which E1 holds", ["world"]
+    )
 
 
 def region_grid(summary: Summary) -> Grid:
@@ -48,23 +67,32 @@ def region_grid(summary: Summary) -> Grid:
 
 def smallest_grid(summary: Summary) -> Grid:
     """What has to be other than in the base."""
-    smallest = summary["smallest"] or {"values": {}, "base": {}}
+    smallest = summary["smallest"] or {"values": {}, "base": {}, "firm": []}
     rows = [
         [f"`{with_unit(name)}`", _text(smallest["base"][name]), _text(value)]
         for name, value in smallest["values"].items()
     ]
-    return Grid(["field", "base", "there"], rows, "the smallest change of the base that does it", [])
+    where = f"also: {', '.join(smallest['firm'])}" if smallest["firm"] else "in this engine, at this step"
+    title = f"the smallest change of the base that does it ({where})"
+    return Grid(["field", "base", "there"], rows, title, [])
 
 
 def nearest_grid(summary: Summary) -> Grid:
     """The worlds that came nearest without getting there."""
     rows = []
     for world in summary["nearest"]:
-        flown = "; ".join(f"{name} {flip['failure'] or 'turned over'}" for name, flip in world["flips"].items())
-        slips = [flip["max_slip_m"] for flip in world["flips"].values() if flip["max_slip_m"] is not None]
-        slip = f"{1000 * max(slips):.1f} mm" if slips else "–"
-        rows.append([str(world["trial"]), f"{world['passed']} of {len(summary['stages'])}", slip, flown])
+        passed = f"{world['passed']} of {len(summary['stages'])}"
+        rows.append([str(world["trial"]), passed, _slip(world), _told(world)])
     return Grid(["world", "as wanted", "slip, at most", "what happened"], rows, "the nearest misses", ["world"])
+
+
+def _told(world: dict[str, Any]) -> str:
+    return "; ".join(f"{name} {flip['failure'] or 'turned over'}" for name, flip in world["flips"].items())
+
+
+def _slip(world: dict[str, Any]) -> str:
+    slips = [flip["max_slip_m"] for flip in world["flips"].values() if flip["max_slip_m"] is not None]
+    return f"{1000 * max(slips):.1f} mm" if slips else "–"
 
 
 def _text(value: object) -> str:
