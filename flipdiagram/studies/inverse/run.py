@@ -21,6 +21,7 @@ from flipdiagram.flips.flight import Work
 from flipdiagram.flips.store_file import open_to_write
 from flipdiagram.flips.workers import workers_of
 from flipdiagram.scenario.scenario import Scenario, value_of
+from flipdiagram.simulation.verdict import SLIDES
 from flipdiagram.studies.inverse.search import STAGES, Search, World
 from flipdiagram.studies.study import Progress, silent
 
@@ -128,6 +129,10 @@ def _body(worlds: list[World], found: list[World], firm: list[list[str]]) -> dic
     return {
         "worlds": len(worlds),
         "found": len(found),
+        "at_start": sum(
+            all(world.outcomes[name].mode == SLIDES[0] for name, wanted in STAGES if SLIDES[0] in wanted)
+            for world in found
+        ),
         **success_rate(len(found), len(worlds)),
         "stages": stages,
         "worlds_found": [

@@ -33,6 +33,7 @@ def stage_grid(summary: Summary) -> Grid:
     title = (
         f"E1 as the paper tells it in {summary['found']} of {summary['worlds']} worlds"
         f" (95 % interval {low:.2f}–{high:.2f} %)"
+        f"{', the block sliding at the start of the motion in ' + str(summary['at_start']) if summary['found'] else ''}"
     )
     return Grid(["controller", "wanted", "worlds", "as wanted", "the others"], rows, title, ["worlds", "as wanted"])
 

@@ -11,6 +11,7 @@ from synthetic import recordings
 
 from flipdiagram.errors import InputError
 from flipdiagram.scenario.scenario import Scenario
+from flipdiagram.simulation.events import release_index
 from flipdiagram.simulation.metrics import measure
 from flipdiagram.simulation.recording_files import save_recording
 from flipdiagram.studies.inverse import run as study
@@ -103,6 +104,7 @@ def test_tables_say_how_far_the_worlds_came(summary):
     low, high = (float(end) for end in region.rows[0][2].split("(")[1].rstrip(")").split("–"))
     assert region.rows[0][:2] == ["`object.friction`", "1 to 2"] and 1.0 < low < high < 1.5
     assert stages.title.startswith(f"E1 as the paper tells it in {summary['found']} of 40 worlds")
+    assert stages.title.endswith(f"at the start of the motion in {summary['found']}")  # from 0.05 s there
     assert [row[0] for row in stages.rows] == ["`pd`", "`pd+ff`", "`pd+dob`", "`pd+ff+dob`"]
     assert {row[0] for row in smallest.rows} == {"`object.friction`", "`arm.link_inertia_scale`"}
     assert len(nearest.rows) == 10
@@ -128,15 +130,15 @@ def test_the_mechanism_shows_cone_slip_and_how_far_each_joint_is_from_both_with_
         files[name] = tmp_path / f"{name}.nc"
         save_recording(run, measure(run), files[name])
     axes = plot_mechanism(files).axes
-    assert [ax.get_ylabel() for ax in axes[:3]] == ["cone use [1]", "slip [mm]", "S: Δ speed [rad/s]"] and len(
-        axes
-    ) == 8
+    labels = [ax.get_ylabel() for ax in axes]
+    assert labels[:4] == ["cone use [1]", "slip [mm]", "tilt θ [rad]", "S: Δ speed [rad/s]"] and len(labels) == 9
     run = runs["pd+ff"]
-    shown = run.sel(time=slice(0.0, float(run.attrs["release_time_s"])))
+    left = max(float(run.attrs["release_time_s"]), float(run["time"][release_index(run)]))
+    shown = run.sel(time=slice(0.0, left))
     slip = {line.get_label(): line.get_ydata() for line in axes[1].lines}
     np.testing.assert_allclose(slip["PD + FF"], 1000 * shown["slip"])
     # from itself it is nowhere away
-    away = {line.get_label(): line.get_ydata() for line in axes[3].lines}
+    away = {line.get_label(): line.get_ydata() for line in axes[4].lines}
     assert np.all(away["PD + FF + DOB"] == 0) and axes[-1].get_xlabel() == "time [s]"
 
 

@@ -9,6 +9,7 @@ import pytest
 from flipdiagram.cli import main as cli
 from flipdiagram.errors import InputError
 from flipdiagram.results import compare, info, open_result
+from flipdiagram.simulation.events import strike_of
 from flipdiagram.simulation.metrics import measure
 from flipdiagram.simulation.placement import PlaceMetrics
 from flipdiagram.simulation.recording_files import check_recording, load_recording
@@ -92,7 +93,8 @@ def test_a_recorded_placement_is_judged_as_one_wherever_it_is_read(out):
     entry = json.loads((out / "summary.json").read_text())["runs"][0]
     assert {**measured.as_dict(), "recording": "pd.nc"} == entry
     rows = dict(info(out / "pd.nc").rows)
-    assert rows["object"] == f"not laid down: {entry['failure']}" and rows["blade on the table"].startswith("5")
+    assert rows["object"] == f"not laid down: {entry['failure']}"
+    assert rows["blade on the table"].startswith(f"{strike_of(data).force_N:.0f} N")
     with pytest.raises(InputError, match="kind 'place' is not judged as a flip"):
         measure(data)
     assert compare(out / "pd.nc", out / "pd+ff+dob.nc").metrics
