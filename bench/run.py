@@ -88,7 +88,7 @@ def _simulation(repetitions: int, quick: bool) -> Iterator[Section]:
 
     scenario = Scenario()
     motion = plan_motion(scenario)
-    yield loop.measure(scenario, motion, repetitions)
+    yield from loop.sections(scenario, motion, repetitions)
     yield boxes.measure(scenario, motion, repetitions)
     yield engines.measure(repetitions, quick)
 
