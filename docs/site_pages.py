@@ -51,7 +51,7 @@ def build(out: Path) -> None:
     """Write the site into `out`; raises SystemExit where a page links to what is not there."""
     with tempfile.TemporaryDirectory() as folder:
         pages = Path(folder) / "pages"
-        shutil.copytree(DOCS, pages, ignore=shutil.ignore_patterns("*.py", "*.json", "__pycache__", "flip.png"))
+        shutil.copytree(DOCS, pages, ignore=shutil.ignore_patterns("*.py", "*.json", "__pycache__"))
         (pages / "reference" / "cli.md").write_text(command_page(), encoding="utf-8")
         (pages / "reference" / "scenario.md").write_text(scenario_page(), encoding="utf-8")
         (pages / "site.css").write_text(CSS, encoding="utf-8")
