@@ -99,6 +99,7 @@ RULES = {
     **_rules("pose", (6, 7)),
     **_rules(_drake("rotor_inertia mu_static mu_dynamic hunt_crossley_dissipation"), how="of at least 0"),
     **_rules(_drake("gear_ratio hydroelastic_modulus mesh_resolution_hint"), how="above 0", most=inf),
+    **_rules(_drake("point_contact_stiffness"), how="above 0"),
 }
 
 

@@ -23,7 +23,12 @@ def restitution(dissipation: float, speed: float) -> float:
 
 
 def damping_ratio(restitution: float) -> float:
-    """ζ, 0 to 1, of the linear damper behind which a blow comes back with that share of its speed, e^-2 to 1."""
+    """ζ, 0 to 1, of the linear damper behind which a blow comes back with that share of its speed.
+
+    1 for less than e^-2 of it, where no such damper swings back.
+    """
+    if restitution <= math.exp(-2.0):
+        return 1.0
     return float(brentq(lambda zeta: _after(zeta) - restitution, 0.0, 1.0 - 1e-12))
 
 

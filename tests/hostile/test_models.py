@@ -131,6 +131,8 @@ THINGS = [
     own("no collision shape", "tool", NO_SHAPE.sub("", SPATULA), "has no collision shape"),
     own("no frame", "tool", SPATULA.replace('frame name="tool"', 'frame name="tip"'), "lacks a frame"),
     own("an empty file", "tool", "", "is not valid XML"),
+    own("a spring that pulls", "tool", SPATULA.replace('point_contact_stiffness value="', 'point_contact_stiffness value="-'), "point_contact_stiffness value = '-15", "above 0"),
+    own("a spring without end", "tool", SPATULA.replace('point_contact_stiffness value="', 'point_contact_stiffness value="1e300'), "point_contact_stiffness value = '1e300", "none beyond 1e+09"),
     own("another format", "tool", mjcf(), "begins with <mujoco>; valid is <robot> or <sdf>"),
     Case("an object that is nowhere", ["plan", "--quiet", "--object.file", "no/such.sdf"], 2, ("object.file = 'no/such.sdf' cannot be read: No such file",)),
 ]  # fmt: skip

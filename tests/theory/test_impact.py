@@ -48,6 +48,12 @@ def test_a_blow_never_comes_back_faster(dissipation, speed):
     assert 0.0 < restitution(dissipation, speed) <= 1.0
 
 
+@given(st.floats(0.0, 1.0))
+def test_every_share_has_a_damper(back):
+    zeta = damping_ratio(back)
+    assert 0.0 <= zeta <= 1.0 and (back < math.exp(-2) or zeta < 1)
+
+
 def test_without_damping_all_comes_back():
     assert restitution(0.0, 0.5) == 1.0
     assert damping_ratio(1.0) == 0.0
