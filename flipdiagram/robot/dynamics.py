@@ -1,10 +1,11 @@
-"""Dynamics of a serial chain along many samples, as loops that numba compiles: recursive Newton-Euler equations."""
+"""Dynamics of a serial chain, as loops that numba compiles: recursive Newton-Euler equations."""
 
 from typing import Any
 
 import numpy as np
 
 from flipdiagram.arrays import Floats
+from flipdiagram.robot.chain import empty_links, place
 from flipdiagram.robot.jit import jit
 from flipdiagram.robot.serial_chain import Along, Links, SerialChain
 
@@ -97,3 +98,13 @@ def task_dynamics(chain: SerialChain, at: Along) -> tuple[Floats, Floats]:
                 qdd[i] -= at.from_task[k, i, r] * at.bias[k, r]
         newton_euler(chain, at.links, k, at.qd[k], qdd, chain.gravity, F, N, tau[k])
     return MP, tau
+
+
+@jit
+def gravity_torque(chain: SerialChain, q: Any) -> Floats:
+    """Torques (n,) that hold the arm still at joint angles q (n,), as of ArmModel."""
+    n = q.size
+    links, F, N, tau, rest = empty_links(1, n), np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.zeros(n)
+    place(chain, q, links, 0, True)
+    newton_euler(chain, links, 0, rest, rest, chain.gravity, F, N, tau)
+    return tau

@@ -1,4 +1,4 @@
-"""The arm's kinematics by compiled loops, for what asks for them every millisecond."""
+"""The arm's kinematics and gravity by compiled loops, for what asks for them every millisecond."""
 
 from functools import partial
 from typing import Any
@@ -11,19 +11,21 @@ from flipdiagram.robot.serial_chain import SerialChain, serial_chain
 
 
 class NativeArm(ArmModel):
-    """An ArmModel whose kinematics are machine code, equal to rounding; plant and Context are those of `arm`.
+    """An ArmModel of machine code in what its methods name, equal to rounding; plant and Context are those of `arm`.
 
-    In the place of `task_kinematics` and `task_position_velocity` stand the compiled functions themselves, with the
-    chain as their first argument: so they can become part of larger machine code.
+    In the place of `task_kinematics`, `task_position_velocity` and `gravity_torque` stand the compiled functions
+    themselves, with the chain as their first argument: so they can become part of larger machine code.
     """
 
     def __init__(self, arm: ArmModel, chain: SerialChain) -> None:
-        from flipdiagram.robot import chain as kinematics  # imports numba
+        from flipdiagram.robot import chain as kinematics  # these import numba
+        from flipdiagram.robot import dynamics
 
         vars(self).update(
             vars(arm),
             task_kinematics=partial(kinematics.task_kinematics, chain),
             task_position_velocity=partial(kinematics.task_position_velocity, chain),
+            gravity_torque=partial(dynamics.gravity_torque, chain),
         )
         self._arm, self._tool_along = arm, partial(kinematics.tool_along, chain)
 
@@ -56,6 +58,6 @@ def quaternions(R: Floats) -> Floats:
 
 
 def native_arm(arm: ArmModel) -> ArmModel:
-    """The arm with its kinematics compiled, itself where it is no chain of revolute joints."""
+    """The arm with kinematics and gravity compiled, itself where it is no chain of revolute joints."""
     chain = serial_chain(arm)
     return NativeArm(arm, chain) if chain else arm

@@ -44,7 +44,7 @@ def any_arm(request):
     return ArmModel(ArmSpec(Arm(**ARMS[request.param])))
 
 
-def test_task_kinematics_as_machine_code_are_those_of_drake(any_arm):
+def test_task_kinematics_and_gravity_as_machine_code_are_those_of_drake(any_arm):
     native, rng = native_arm(any_arm), np.random.default_rng(1)
     assert isinstance(native, NativeArm) and native.n_joints == any_arm.n_joints
     for _ in range(40):
@@ -54,6 +54,8 @@ def test_task_kinematics_as_machine_code_are_those_of_drake(any_arm):
             np.testing.assert_allclose(ours, theirs, atol=1e-12 * (1 + np.abs(theirs).max()))
         for ours, theirs in zip(native.task_position_velocity(q, qd), expected[:2], strict=True):
             np.testing.assert_allclose(ours, theirs, atol=1e-12 * (1 + np.abs(theirs).max()))
+        weight = any_arm.gravity_torque(q)
+        np.testing.assert_allclose(native.gravity_torque(q), weight, atol=1e-12 * (1 + np.abs(weight).max()))
 
 
 def test_a_motion_of_the_tool_is_that_of_drake(any_arm):
