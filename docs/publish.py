@@ -31,7 +31,9 @@ FIRST_ROWS = (
     "One simulation, replay off: real time / whole call",
     "A campaign: flips a second, two processes",
     "The whole of Figs 5 to 10: wall time, empty cache",
-    "The 1-DOF loop, compiled and elsewhere: vectorised / uncompiled diagram, Drake's Simulator",
+    "Engines side by side: drake: flips a second, two processes",
+    "Engines side by side: mujoco: flips a second, two processes",
+    "The 1-DOF loop, compiled and elsewhere: compiled / uncompiled diagram, Drake's Simulator",
 )
 """Rows of the benchmark that the README shows."""
 
@@ -91,7 +93,10 @@ def claims_block(summary: dict[str, Any]) -> str:
 def engines(folder: Path, summary: dict[str, Any]) -> str:
     """Write where two engines agree into docs/engines.md; returns what the README shows of it."""
     versions = summary["versions"]
-    head = f"# Two engines\n\nDrake {versions['drake']}, Python {versions['python']}.\n\n"
+    head = (
+        f"# Two engines\n\nDrake {versions['drake']}, Python {versions['python']}. [Why they differ, and which to"
+        " choose](how-to/solver-and-engine.md).\n\n"
+    )
     _copy(folder / "engines.png", ROOT / "docs" / "engines.png")
     text = section("engines", folder).replace("](engines/", "](")
     (ROOT / "docs" / "engines.md").write_text(head + text + "\n", encoding="utf-8")

@@ -5,8 +5,8 @@ from flipdiagram.grid import Grid, number
 from flipdiagram.scenario.scenario import with_unit
 from flipdiagram.studies.study import Summary
 
-MOST = 30
-"""Flips with other verdicts that are listed."""
+MOST = 8
+"""Flips with other verdicts that are listed of each architecture."""
 
 
 def tables(summary: Summary) -> list[Grid]:
@@ -35,6 +35,8 @@ def difference_grid(summary: Summary) -> Grid:
     """The flips with other verdicts, with what tells their worlds apart best."""
     engines, shown = summary["engines"], [row["name"] for row in summary["parameters"][:3]]
     differ = summary["differ"]
+    of_each = [[flip for flip in differ if flip["architecture"] == name][:MOST] for name in summary["architectures"]]
+    listed = [flip for flips in of_each for flip in flips]
     rows = [
         [
             str(flip["trial"]),
@@ -42,9 +44,9 @@ def difference_grid(summary: Summary) -> Grid:
             *flip["outcomes"],
             *(number(flip["values"][p]) for p in shown),
         ]
-        for flip in differ[:MOST]
+        for flip in listed
     ]
-    first = f"the first {MOST} of " if len(differ) > MOST else ""
+    first = f"the first {MOST} of each of " if len(differ) > len(listed) else ""
     title = f"flips with other verdicts ({first}{len(differ)})"
     return Grid(["trial", "architecture", *engines, *(f"`{with_unit(p)}`" for p in shown)], rows, title, ["trial"])
 
