@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from flipdiagram.campaign.dataset import counted, load_dataset
 from flipdiagram.campaign.run import FILE
 from flipdiagram.figures.style import NAMES, STYLES, new_axes, save, tidy
+from flipdiagram.scenario.scenario import with_unit
 from flipdiagram.studies.study import Progress, Summary, silent
 
 KINDS = (
@@ -45,9 +46,9 @@ def plot_disagreement(summary: Summary, out: Path) -> Figure:
                 a[first].values[at], a[second].values[at], s=size, c=color, marker=marker, label=text, linewidths=0
             )
         ax.set_title(NAMES[name], fontsize=9)
-        ax.set_xlabel(first)
-        ax.set_ylabel(second)
-        ax.legend(fontsize=6.5, framealpha=0.9)
+        ax.set_xlabel(with_unit(first))
+        ax.set_ylabel(with_unit(second))
+        ax.legend(fontsize=6.5, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.16), frameon=False)
         tidy(ax)
     figure = axes[0].figure
     assert isinstance(figure, Figure)
