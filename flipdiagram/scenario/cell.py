@@ -62,7 +62,7 @@ class Arm(Section):
     reflected_inertia_scale: float = quantity(
         3.0,
         "1",
-        "factor on the reflected rotor inertias; harmonic drives come on top of the rotors (L) (c: 1.9 to 3.9)",
+        "factor on the reflected rotor inertias; harmonic drives come on top of the rotors (L) (c: 1.6 to 4.0)",
         ge=0,
         le=100,
     )
@@ -93,11 +93,11 @@ class JointFriction(Section):
 
     model: Literal["tanh", "elasto-plastic"] = Field(
         "tanh",
-        description="tanh: a regularised sign, which creeps under load (c: 58 %); elasto-plastic: it"
+        description="tanh: a regularised sign, which creeps under load (c: 45 %); elasto-plastic: it"
         " sticks, and breaks away above the sliding friction",
     )
     coulomb: float = quantity(
-        0.075, "rated torque", "Coulomb friction, fraction of rated torque (c: 0.003 to 0.18)", ge=0, le=10
+        0.075, "rated torque", "Coulomb friction, fraction of rated torque (c: 0.01 to 0.18)", ge=0, le=10
     )
     viscous: float = quantity(
         0.05, "rated torque per rad/s", "viscous friction, fraction of rated torque (c: 0.004 to 0.09)", ge=0, le=100
@@ -207,7 +207,7 @@ class Object(Section):
 class Table(Section):
     """The plane on which the block lands."""
 
-    height: float = quantity(0.175, "m", "height of its surface above the robot's base (c: 0.12 to 0.22)", ge=-1, le=2)
+    height: float = quantity(0.175, "m", "height of its surface above the robot's base (c: 0.11 to 0.22)", ge=-1, le=2)
     friction: float = quantity(
         0.7,
         "1",

@@ -22,7 +22,7 @@ class Joints(Section):
 
     model: Literal["rigid", "elastic"] = Field(
         "rigid",
-        description="rigid: as one (c: 68 %); elastic: the gear between them gives way; encoders see the rotor's angle",
+        description="rigid: as one (c: 53 %); elastic: the gear between them gives way; encoders see the rotor's angle",
     )
     stiffness: tuple[Annotated[float, Field(ge=1, le=1e8)], ...] | None = quantity(
         None,
@@ -94,7 +94,7 @@ class Sensors(Section):
     velocity_cutoff: float | None = quantity(
         62.8,
         "rad/s",
-        "g_v of the pseudo-derivative g_v s/(s + g_v), 10 Hz (H) (c: 54 to 95); null: exact velocity",
+        "g_v of the pseudo-derivative g_v s/(s + g_v), 10 Hz (H) (c: 45 to 66); null: exact velocity",
         ge=0.1,
         le=100000,
     )

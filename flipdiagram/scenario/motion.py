@@ -54,14 +54,14 @@ class Planner(Section):
     beta: float = quantity(0.5, "s2/m2", "weight of the landing velocity in (5) (p)", ge=0, le=1e6)
     sampling_time: float = quantity(0.02, "s", "sampling time ΔT of the prediction model (2) (o)", ge=0.001, le=0.5)
     contact_samples: tuple[Annotated[int, Field(ge=2, le=400)], Annotated[int, Field(ge=2, le=400)]] = quantity(
-        (10, 20), "samples", "contact samples searched, (fewest, most) (c: 80 %, more in 16 %)"
+        (10, 20), "samples", "contact samples searched, (fewest, most) (c: 64 %, more in 35 %)"
     )
     flight_samples: tuple[Annotated[int, Field(ge=1, le=400)], Annotated[int, Field(ge=1, le=400)]] = quantity(
         (4, 20), "samples", "flight samples searched, (fewest, most) (o)"
     )
     stop: Literal["immediate", "brake"] = Field(
         "immediate",
-        description="at the release: immediate: the commanded velocity is zero from then on (p) (c: 69 %); brake:"
+        description="at the release: immediate: the commanded velocity is zero from then on (p) (c: 64 %); brake:"
         " the tool comes to rest within the limits of its joints",
     )
     brake_samples: int = quantity(
@@ -73,7 +73,7 @@ class Planner(Section):
     friction_margin: float = quantity(
         0.2,
         "1",
-        "fraction of the friction coefficient not used by the plan (c: 0.04 to 0.35); below 0: more than there is",
+        "fraction of the friction coefficient not used by the plan (c: 0.02 to 0.37); below 0: more than there is",
         gt=-2,
         lt=1,
     )

@@ -50,7 +50,7 @@ def write_figures(
 def _plots_and_pictures(
     recordings: dict[str, Recording], scenario: Scenario, out: Path, progress: Progress
 ) -> list[str | None]:
-    with Workers(2) as workers:
+    with Workers(1) as workers:  # a second one takes longer to start than it saves
         shown = next(name for name in reversed(ARCHITECTURES) if name in recordings)  # snapshots of the best
         tasks = [
             (write_replay, (recordings, scenario, out / "replay.html")),
