@@ -11,7 +11,7 @@ from flipdiagram.robot.serial_chain import SerialChain, serial_chain
 
 
 class NativeArm(ArmModel):
-    """An ArmModel of machine code in what its methods name, equal to rounding; plant and Context are those of `arm`.
+    """An ArmModel with compiled kinematics and gravity, equal to rounding; plant and Context are those of `arm`.
 
     In the place of `task_kinematics`, `task_position_velocity` and `gravity_torque` stand the compiled functions
     themselves, with the chain as their first argument: so they can become part of larger machine code.
