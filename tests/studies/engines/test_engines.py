@@ -2,9 +2,11 @@
 
 import json
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from campaign.made_up import BY_ENGINE, QUIET
 from ideal import IDEAL
 
@@ -105,3 +107,9 @@ def test_without_mujoco_one_line_says_what_to_install(tmp_path, monkeypatch, cap
 def test_without_a_file_one_line_says_which(tmp_path, capsys):
     assert cli.main(["engines", "--out", str(tmp_path / "out")]) == 2
     assert "engines needs the FILE of a campaign" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+def test_the_worlds_of_the_example_are_the_campaigns():
+    examples = Path(__file__).parents[3] / "examples"
+    ours, campaign = (yaml.safe_load((examples / f"{name}.yaml").read_text()) for name in ("engines", "campaign"))
+    assert ours["vary"] == campaign["vary"] and ours["seed"] == campaign["seed"]
